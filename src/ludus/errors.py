@@ -1,0 +1,136 @@
+"""Every error Ludus raises on purpose.
+
+::
+
+    LudusError
+    ├── UsageError            the caller broke a rule (exit code 2)
+    │   ├── TargetError       the target does not exist or cannot be run
+    │   ├── ConfigError       a setting is unknown, of the wrong type or out of range
+    │   ├── SequenceError     a method was called before the one it depends on
+    │   └── ActionError       an action has the wrong shape, type or value
+    ├── SetupError            the machine lacks something (exit code 3)
+    │   └── EngineNotFound    no usable game engine on this machine
+    ├── EngineError           the engine broke a rule (exit code 4)
+    │   ├── EngineStartError  the process did not start or never connected
+    │   ├── EngineCrashed     the process died
+    │   ├── EngineTimeout     the process did not answer within the deadline
+    │   ├── ProtocolError     the engine sent something that PROTOCOL.md does not allow
+    │   └── GameError         the game reported a mistake of its own, or sent NaN
+    └── RunError              a training run cannot go on (exit code 5)
+        ├── CheckpointError   a checkpoint is missing, corrupt or of another spec
+        └── DivergenceError   a loss became NaN or infinite
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "ActionError",
+    "CheckpointError",
+    "ConfigError",
+    "DivergenceError",
+    "EngineCrashed",
+    "EngineError",
+    "EngineNotFound",
+    "EngineStartError",
+    "EngineTimeout",
+    "GameError",
+    "LudusError",
+    "ProtocolError",
+    "RunError",
+    "SequenceError",
+    "SetupError",
+    "TargetError",
+    "UsageError",
+]
+
+
+class LudusError(Exception):
+    """Base of all errors: what happened, and a hint that says what to do.
+
+    Attributes:
+        message: What happened, what was expected, what came, and where.
+        hint: What the reader can do about it; empty if nothing is known.
+        exit_code: What the ``ludus`` command exits with.
+    """
+
+    exit_code = 1
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+    def __str__(self) -> str:
+        return f"{self.message}\nhint: {self.hint}" if self.hint else self.message
+
+
+class UsageError(LudusError):
+    """The caller broke a rule."""
+
+    exit_code = 2
+
+
+class TargetError(UsageError):
+    """The target does not exist or cannot be run."""
+
+
+class ConfigError(UsageError):
+    """A setting is unknown, of the wrong type or out of range."""
+
+
+class SequenceError(UsageError):
+    """A method was called before the one it depends on."""
+
+
+class ActionError(UsageError):
+    """An action has the wrong shape, type or value."""
+
+
+class SetupError(LudusError):
+    """The machine lacks something that Ludus needs."""
+
+    exit_code = 3
+
+
+class EngineNotFound(SetupError):  # noqa: N818 - reads as what happened
+    """No usable game engine was found on this machine."""
+
+
+class EngineError(LudusError):
+    """The engine broke a rule."""
+
+    exit_code = 4
+
+
+class EngineStartError(EngineError):
+    """The engine did not start, or never connected."""
+
+
+class EngineCrashed(EngineError):  # noqa: N818 - reads as what happened
+    """The engine process died; the text holds exit code, command and last log lines."""
+
+
+class EngineTimeout(EngineError):  # noqa: N818 - reads as what happened
+    """The engine did not answer within the deadline."""
+
+
+class ProtocolError(EngineError):
+    """The engine sent something that PROTOCOL.md does not allow."""
+
+
+class GameError(EngineError):
+    """The game reported a mistake of its own, or sent NaN or a wrong shape."""
+
+
+class RunError(LudusError):
+    """A training run cannot go on."""
+
+    exit_code = 5
+
+
+class CheckpointError(RunError):
+    """A checkpoint is missing, corrupt, or belongs to another spec."""
+
+
+class DivergenceError(RunError):
+    """A loss became NaN or infinite."""

@@ -1,0 +1,93 @@
+"""What training and the Gymnasium environments need from a source of experience."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+from ludus.batch import ActionBatch, Batches, StepTimes
+from ludus.spec import PolicySpec, Spec
+
+__all__ = ["Pool"]
+
+
+class Pool(Protocol):
+    """``num_engines`` equal engines as one batched environment.
+
+    The slots of engine *k* are the rows ``rows(policy, k)`` of every array that spans all engines.
+    Call :meth:`reset` first. Then either :meth:`step` all engines, or :meth:`send` to and
+    :meth:`receive` from them one by one, so that the caller works on one while others simulate.
+    """
+
+    @property
+    def spec(self) -> Spec:
+        """Spec of one engine; all engines have the same."""
+        ...
+
+    @property
+    def num_engines(self) -> int:
+        """Number of engines."""
+        ...
+
+    @property
+    def policies(self) -> Mapping[str, PolicySpec]:
+        """Policies by name, in wire order; their ``num_agents`` is that of one engine."""
+        ...
+
+    def num_agents(self, policy: str) -> int:
+        """Return the number of slots of ``policy`` over all engines."""
+        ...
+
+    def rows(self, policy: str, engine: int) -> slice:
+        """Return the rows of ``engine`` in arrays over all engines."""
+        ...
+
+    def reset(
+        self,
+        seed: int | None = None,
+        parameters: Mapping[str, Any] | Sequence[Mapping[str, Any] | None] | None = None,
+    ) -> Batches:
+        """Begin a new episode in every world.
+
+        Args:
+            seed: World *i* (counted over all engines) gets ``seed + i``; None goes on with the
+                worlds' random streams (at the first reset: a seed from the system).
+            parameters: For every world, or one mapping or None per world.
+
+        Returns:
+            Batches over all engines, copies that stay valid.
+        """
+        ...
+
+    def send(self, engine: int, actions: Mapping[str, ActionBatch]) -> None:
+        """Send one engine the actions of its own slots and return at once."""
+        ...
+
+    def receive(self, engine: int) -> Batches:
+        """Wait for one engine's answer.
+
+        Returns:
+            Batches of that engine's own slots: views that its next ``receive`` overwrites.
+
+        Raises:
+            SequenceError: Nothing was sent.
+            EngineError: The engine failed and may not be restarted again.
+        """
+        ...
+
+    def step(self, actions: Mapping[str, ActionBatch]) -> Batches:
+        """Step all engines: ``send`` to each, then ``receive`` from each; copies."""
+        ...
+
+    def times(self, engine: int) -> StepTimes:
+        """Return where the time of that engine's last step went."""
+        ...
+
+    @property
+    def num_restarts(self) -> int:
+        """Engines restarted so far, after a crash or a missed deadline."""
+        ...
+
+    def close(self) -> None:
+        """End all engines; may be called twice."""
+        ...

@@ -1,0 +1,1 @@
+"""Frames and the connection's state machine, without any input or output (PROTOCOL.md)."""
