@@ -1,5 +1,7 @@
 """Many engines as one batched environment."""
 
+from ludus.pool.engine_pool import EnginePool
 from ludus.pool.interface import Pool
+from ludus.pool.opening import PoolConfig, open_pool
 
-__all__ = ["Pool"]
+__all__ = ["EnginePool", "Pool", "PoolConfig", "open_pool"]

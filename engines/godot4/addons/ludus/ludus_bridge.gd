@@ -1,0 +1,317 @@
+@icon("icons/ludus_bridge.svg")
+class_name LudusBridge
+extends Node
+## Joins the game with a trainer: connects, then lets exactly the asked number of ticks pass between
+## two messages.
+##
+## The plugin makes it the autoload "Ludus". Without a trainer the game simply plays. In training
+## it runs first in every tick and blocks until the next request; when the trainer goes away, the
+## game quits.
+
+## Emitted when a trainer has connected and the worlds stand.
+signal training_started(num_worlds: int)
+
+## What the bridge does in the next tick.
+enum Phase {
+	START,  ## Look for a trainer.
+	MANUAL,  ## No trainer: people play.
+	STEPPING,  ## The ticks of a step pass.
+	HELD,  ## Everything is paused for one frame, so that new nodes join the loop.
+	SETTLING,  ## Some worlds tick alone before they are observed.
+	CEILING,  ## Random play inside the engine.
+	ENDED,  ## The game quits.
+}
+
+const CONNECT_TIMEOUT_MS := 10000
+const PLAY_CONNECT_TIMEOUT_MS := 300
+const LISTEN_TIMEOUT_MS := 600000
+
+static var _instance: LudusBridge
+
+var _phase: Phase = Phase.START
+var _arguments: LudusArguments
+var _link: LudusLink
+var _stage: LudusStage
+var _game: LudusGame
+var _manual: LudusManualPlay
+var _ceiling: LudusCeiling
+var _ticks_left: int = 0
+var _num_ticks: int = 0
+var _has_reset: bool = false
+var _batch_flags: int = 0
+## Clock of PROTOCOL.md §7, microseconds.
+var _left_us: int = 0
+var _engine_us: int = 0
+var _bridge_us: int = 0
+var _wait_us: int = 0
+
+
+func _enter_tree() -> void:
+	if _instance != null:
+		queue_free()
+		return
+	_instance = self
+	process_mode = Node.PROCESS_MODE_ALWAYS
+	process_physics_priority = -1073741824
+
+
+func _exit_tree() -> void:
+	if _instance == self:
+		_instance = null
+	if _link != null:
+		_link.close()
+
+
+func _physics_process(_delta: float) -> void:
+	var now := Time.get_ticks_usec()
+	match _phase:
+		Phase.STEPPING:
+			_engine_us += now - _left_us
+			_num_ticks += 1
+			_ticks_left -= 1
+			if _ticks_left > 0:
+				_repeat(now)
+			else:
+				_finish_step(now)
+		Phase.HELD:
+			get_tree().paused = false
+			_game.release()
+			if _settle_or_answer():
+				_serve()
+		Phase.SETTLING:
+			_num_ticks += 1
+			_ticks_left -= 1
+			if _ticks_left == 0:
+				_stage.set_running([])
+				_answer()
+				_serve()
+		Phase.CEILING:
+			if _ceiling.advance():
+				_send(_ceiling.result_frame())
+				_serve()
+		Phase.MANUAL:
+			_manual.advance()
+		Phase.START:
+			_start()
+	_left_us = Time.get_ticks_usec()
+
+
+func _repeat(now: int) -> void:
+	for policy: LudusPolicyBatch in _game.policies:
+		policy.repeat_actions()
+	_bridge_us += Time.get_ticks_usec() - now
+
+
+func _finish_step(now: int) -> void:
+	_game.collect()
+	_bridge_us += Time.get_ticks_usec() - now
+	if _hold_or_answer():
+		_serve()
+
+
+## Answers the request, unless worlds were made anew or must settle first. Returns whether it did.
+func _hold_or_answer() -> bool:
+	if not _game.error.is_empty():
+		_fail("game", _game.error)
+		return false
+	if not _game.is_held():
+		return _settle_or_answer()
+	_phase = Phase.HELD
+	get_tree().paused = true
+	return false
+
+
+func _settle_or_answer() -> bool:
+	var settling := _game.take_settling()
+	if settling.is_empty():
+		_answer()
+		return true
+	_phase = Phase.SETTLING
+	_ticks_left = 0
+	for world: LudusWorld in settling:
+		_ticks_left = maxi(_ticks_left, world.settle_ticks)
+	_stage.set_running(settling)
+	return false
+
+
+func _answer() -> void:
+	var began := Time.get_ticks_usec()
+	var frame := LudusWire.begin(LudusWire.Type.BATCH)
+	frame.resize(LudusWire.HEADER_BYTES + LudusWire.BATCH_HEAD_BYTES)
+	_game.append_to(frame)
+	if not _game.error.is_empty():
+		_fail("game", _game.error)
+		return
+	_bridge_us += Time.get_ticks_usec() - began
+	frame.encode_u64(8, _num_ticks)
+	frame.encode_u32(16, _engine_us)
+	frame.encode_u32(20, _bridge_us)
+	frame.encode_u32(24, _wait_us)
+	frame.encode_u32(28, _batch_flags)
+	_send(LudusWire.finish(frame))
+
+
+func _send(frame: PackedByteArray) -> void:
+	if not _link.send(frame):
+		_end("the trainer closed the connection")
+
+
+## Takes requests until one lets time pass.
+func _serve() -> void:
+	while _phase != Phase.ENDED:
+		var asked := Time.get_ticks_usec()
+		if not _link.receive():
+			_end(_link.error)
+			return
+		var got := Time.get_ticks_usec()
+		_wait_us = got - asked
+		if _handle():
+			_bridge_us = Time.get_ticks_usec() - got
+			return
+
+
+## Handles one request. Returns true if the loop of requests pauses, because ticks must pass.
+func _handle() -> bool:
+	match _link.type:
+		LudusWire.Type.STEP:
+			return _handle_step()
+		LudusWire.Type.RESET:
+			return _handle_reset()
+		LudusWire.Type.CALL:
+			return _handle_call()
+		LudusWire.Type.PING:
+			_send(LudusWire.raw_frame(LudusWire.Type.PONG, _link.payload))
+		LudusWire.Type.CLOSE:
+			_end("")
+		LudusWire.Type.ERROR:
+			var message: Variant = LudusWire.read_json(_link.payload)
+			_end(str(message.get("message", "")) if message != null else "the trainer failed")
+		_:
+			_fail("sequence", "a frame of type %d is not allowed now" % _link.type)
+	return false
+
+
+func _handle_step() -> bool:
+	var offset := 0
+	for policy: LudusPolicyBatch in _game.policies:
+		offset += policy.action_bytes()
+	if not _has_reset:
+		_fail("sequence", "STEP before the first RESET")
+		return false
+	if _link.payload.size() != offset:
+		_fail("frame", "STEP has %d bytes, expected %d" % [_link.payload.size(), offset])
+		return false
+	offset = 0
+	for policy: LudusPolicyBatch in _game.policies:
+		policy.apply_actions(_link.payload, offset)
+		offset += policy.action_bytes()
+	_ticks_left = _game.ticks_per_step
+	_engine_us = 0
+	_batch_flags = 0
+	_phase = Phase.STEPPING
+	return true
+
+
+func _handle_reset() -> bool:
+	var request := LudusWire.read_reset(_link.payload, _stage.worlds.size())
+	if request.is_empty():
+		_fail("frame", "malformed RESET")
+		return false
+	_has_reset = true
+	_engine_us = 0
+	_batch_flags = LudusWire.FLAG_RESET
+	_bridge_us = 0
+	_game.reset(request)
+	return not _hold_or_answer()
+
+
+func _handle_call() -> bool:
+	var call := LudusCall.new(_link.payload)
+	if call.is_ceiling():
+		_ceiling = call.make_ceiling(_game)
+		_phase = Phase.CEILING
+		_has_reset = false
+		return true
+	_send(call.answer(_game))
+	return false
+
+
+func _start() -> void:
+	_phase = Phase.MANUAL
+	_manual = LudusManualPlay.new(get_tree())
+	_arguments = LudusArguments.read()
+	_link = LudusLink.new()
+	if not _connect():
+		if _arguments.has_trainer():
+			_end(_link.error)
+		_link = null
+		return
+	_link.watch(_arguments.parent_pid)
+	_greet()
+
+
+func _connect() -> bool:
+	if not _arguments.listen_at.is_empty():
+		return _link.listen_at(_arguments.listen_at, LISTEN_TIMEOUT_MS)
+	if _arguments.has_trainer():
+		return _link.connect_to(_arguments.connect_to, CONNECT_TIMEOUT_MS)
+	if not OS.has_feature("editor"):
+		return false
+	var address := "tcp:127.0.0.1:%d" % LudusWire.DEFAULT_PORT
+	return _link.connect_to([address], PLAY_CONNECT_TIMEOUT_MS)
+
+
+func _greet() -> void:
+	var handshake := LudusHandshake.new(_link, _arguments.token)
+	var scene: PackedScene = null
+	if handshake.greet():
+		scene = handshake.load_scene(_scene_on_show())
+	if scene == null:
+		_fail(handshake.code, handshake.error, handshake.hint)
+		return
+	_open(handshake, scene)
+	if _phase == Phase.ENDED:
+		return
+	var spec := _game.to_json()
+	spec["scene"] = scene.resource_path
+	training_started.emit(_stage.worlds.size())
+	_send(LudusWire.json_frame(LudusWire.Type.SPEC, spec))
+	_serve()
+
+
+func _open(handshake: LudusHandshake, scene: PackedScene) -> void:
+	if get_tree().current_scene != self:
+		get_tree().unload_current_scene()
+	_stage = LudusStage.new()
+	_stage.name = "Stage"
+	add_child(_stage)
+	_stage.configure(
+		scene,
+		handshake.integer("num_worlds", 1),
+		handshake.integer("first_world", 0),
+		str(handshake.config.get("layout", "scene"))
+	)
+	_game = LudusGame.new(_stage)
+	var max_steps := handshake.integer("max_episode_steps", 0)
+	if not _game.open(max_steps, handshake.integer("ticks_per_step", 0)):
+		_fail("config", "%s: %s" % [scene.resource_path, _game.error])
+
+
+func _scene_on_show() -> String:
+	var current := get_tree().current_scene
+	return current.scene_file_path if current != null and current != self else ""
+
+
+## Tells the trainer what is wrong and quits.
+func _fail(code: String, message: String, hint: String = "") -> void:
+	if not code.is_empty():
+		var report := {"code": code, "message": message, "hint": hint}
+		_link.send(LudusWire.json_frame(LudusWire.Type.ERROR, report))
+	_end(message)
+
+
+func _end(message: String) -> void:
+	_phase = Phase.ENDED
+	if not message.is_empty():
+		printerr("ludus: ", message)
+	get_tree().quit(0 if message.is_empty() else 1)

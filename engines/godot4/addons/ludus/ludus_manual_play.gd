@@ -1,0 +1,48 @@
+class_name LudusManualPlay
+extends RefCounted
+## Lets a person play while no trainer is there: agents whose target has
+## [code]get_manual_action()[/code] act on it, and begin anew when they are done.
+
+var _tree: SceneTree
+var _tick: int = 0
+
+
+func _init(tree: SceneTree) -> void:
+	_tree = tree
+
+
+## Plays one tick.
+func advance() -> void:
+	for node: Node in _tree.get_nodes_in_group(LudusAgent.GROUP_NAME):
+		var agent := node as LudusAgent
+		if agent == null or not agent.enabled:
+			continue
+		if agent.target == null:
+			_begin(agent)
+		elif agent.target.has_method(&"get_manual_action"):
+			_play(agent)
+	_tick += 1
+
+
+func _begin(agent: LudusAgent) -> void:
+	var problem := agent.connect_to_game()
+	if not problem.is_empty():
+		push_warning("ludus: %s: %s" % [agent.get_path(), problem])
+		agent.enabled = false
+	elif agent.target.has_method(&"get_manual_action"):
+		agent.world.begin_episode()
+		agent.begin_episode()
+
+
+func _play(agent: LudusAgent) -> void:
+	if _tick % agent.ticks_per_step == 0:
+		agent.episode_steps += 1
+		agent.target.get_reward()
+		agent.current_action = agent.target.get_manual_action()
+		var is_cut := agent.max_episode_steps > 0 and agent.episode_steps > agent.max_episode_steps
+		if agent.target.is_done() or is_cut:
+			agent.world.begin_episode()
+			agent.begin_episode()
+	elif agent.action_timing == LudusAgent.ActionTiming.ONCE:
+		return
+	agent.target.apply_action(agent.current_action)

@@ -1,0 +1,168 @@
+class_name LudusStage
+extends Node
+## Makes copies of a scene and keeps them apart (ARCHITECTURE.md, world cloning).
+
+## The worlds, in order.
+var worlds: Array[LudusWorld] = []
+## The layout in use.
+var layout: LudusWorld.Layout = LudusWorld.Layout.ISOLATED
+## Why [method build] failed.
+var error: String = ""
+
+var _scene: PackedScene
+var _spaces: Array[SubViewport] = []
+var _num_worlds: int = 1
+var _first_world: int = 0
+var _layout_name: String = "scene"
+var _is_drawn: bool = DisplayServer.get_name() != "headless"
+
+
+## Chooses what [method build] makes: [param num_worlds] copies of [param scene], numbered from
+## [param first_world]; [param layout_name] is [code]scene[/code], [code]isolated[/code] or
+## [code]grid[/code].
+func configure(scene: PackedScene, num_worlds: int, first_world: int, layout_name: String) -> void:
+	_scene = scene
+	_num_worlds = num_worlds
+	_first_world = first_world
+	_layout_name = layout_name
+
+
+## Makes all worlds anew, in fresh physics spaces. Returns false and sets [member error] if the
+## scene does not fit the layout. Parameters of the worlds are kept.
+func build() -> bool:
+	var parameters: Array[Dictionary] = []
+	for world: LudusWorld in worlds:
+		parameters.append(world.parameters)
+	clear()
+	for i: int in _num_worlds:
+		var root := _scene.instantiate()
+		var world := _prepare(root, i)
+		if i < parameters.size():
+			world.parameters = parameters[i]
+		if i == 0 and not _choose_layout(world, root):
+			root.free()
+			return false
+		if i == 0 or layout == LudusWorld.Layout.ISOLATED:
+			_spaces.append(_add_space(i == 0))
+		if layout == LudusWorld.Layout.GRID:
+			_place(root, i, worlds[0].spacing)
+		_spaces[-1].add_child(root)
+	_show_first()
+	return true
+
+
+## Makes one world anew at its place and returns it. Seed, episode and parameters are kept.
+func rebuild_world(i: int) -> LudusWorld:
+	var old := worlds[i]
+	var space := _spaces[i if layout == LudusWorld.Layout.ISOLATED else 0]
+	var root := _scene.instantiate()
+	var world := _prepare(root, i)
+	world.take_over(old)
+	worlds.pop_back()
+	worlds[i] = world
+	if layout == LudusWorld.Layout.GRID:
+		_place(root, i, world.spacing)
+	old.root.free()
+	space.add_child(root)
+	return world
+
+
+## Removes all worlds.
+func clear() -> void:
+	worlds.clear()
+	_spaces.clear()
+	for child: Node in get_children():
+		remove_child(child)
+		child.free()
+
+
+## Stops the physics of all worlds but some, or lets all go on. Only the isolated layout can.
+func set_running(running: Array[LudusWorld]) -> void:
+	var all := running.is_empty()
+	get_tree().paused = not all
+	PhysicsServer2D.set_active(true)
+	PhysicsServer3D.set_active(true)
+	for world: LudusWorld in worlds:
+		var runs := all or world in running
+		var viewport := world.root.get_viewport()
+		PhysicsServer2D.space_set_active(viewport.world_2d.space, runs)
+		PhysicsServer3D.space_set_active(viewport.find_world_3d().space, runs)
+		world.root.process_mode = (
+			Node.PROCESS_MODE_ALWAYS if runs and not all else Node.PROCESS_MODE_INHERIT
+		)
+
+
+func _prepare(root: Node, i: int) -> LudusWorld:
+	var world := LudusWorld.find_in(root)
+	if world == null:
+		world = LudusWorld.new()
+		root.add_child(world, false, Node.INTERNAL_MODE_BACK)
+	world.attach(root)
+	world.index = _first_world + i
+	worlds.append(world)
+	return world
+
+
+func _choose_layout(world: LudusWorld, root: Node) -> bool:
+	layout = world.layout
+	if _layout_name != "scene":
+		layout = (LudusWorld.Layout.GRID if _layout_name == "grid" else LudusWorld.Layout.ISOLATED)
+	if layout == LudusWorld.Layout.ISOLATED:
+		return true
+	if root is not Node2D and root is not Node3D:
+		error = "the grid needs a scene whose root is a Node2D or Node3D, not %s" % root.get_class()
+	elif world.settle_ticks > 0:
+		error = "settle_ticks needs the isolated layout: in the grid no world can tick alone"
+	elif _num_worlds > 1 and world.spacing.is_zero_approx():
+		error = "the grid needs LudusWorld.spacing, larger than anything in a world reaches"
+	return error.is_empty()
+
+
+## Each space is a viewport with its own 2D and 3D worlds. Only the first one is drawn.
+func _add_space(is_first: bool) -> SubViewport:
+	var viewport := SubViewport.new()
+	viewport.own_world_3d = true
+	viewport.size = Vector2i(2, 2)
+	viewport.render_target_update_mode = SubViewport.UPDATE_DISABLED
+	if not (is_first and _is_drawn):
+		viewport.disable_3d = not _is_drawn
+		add_child(viewport)
+		return viewport
+	var container := SubViewportContainer.new()
+	container.stretch = true
+	container.set_anchors_preset(Control.PRESET_FULL_RECT)
+	viewport.render_target_update_mode = SubViewport.UPDATE_WHEN_VISIBLE
+	viewport.msaa_3d = get_viewport().msaa_3d
+	container.add_child(viewport)
+	add_child(container)
+	return viewport
+
+
+## All copies in a grid bring a camera; the first world's is the one to look through.
+func _show_first() -> void:
+	if not _is_drawn:
+		return
+	for camera: Node in worlds[0].root.find_children("*", "Camera3D", true, false):
+		(camera as Camera3D).make_current()
+	for camera: Node in worlds[0].root.find_children("*", "Camera2D", true, false):
+		(camera as Camera2D).make_current()
+
+
+## Copies lie in a block around the origin, where floats are most precise.
+func _place(root: Node, i: int, spacing: Vector3) -> void:
+	var axes: Array[int] = []
+	for axis: int in 2 if root is Node2D else 3:
+		if spacing[axis] > 0.0:
+			axes.append(axis)
+	if axes.is_empty():
+		return
+	var side := ceili(pow(_num_worlds, 1.0 / axes.size()) - 1e-9)
+	var place := Vector3.ZERO
+	var rest := i
+	for axis: int in axes:
+		place[axis] = (rest % side - (side - 1) / 2) * spacing[axis]
+		rest /= side
+	if root is Node2D:
+		(root as Node2D).position += Vector2(place.x, place.y)
+	else:
+		(root as Node3D).position += place

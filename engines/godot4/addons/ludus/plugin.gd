@@ -1,0 +1,14 @@
+@tool
+extends EditorPlugin
+## Registers the bridge as the autoload "Ludus"; the nodes register themselves by class name.
+
+const AUTOLOAD_NAME := "Ludus"
+const BRIDGE_PATH := "res://addons/ludus/ludus_bridge.gd"
+
+
+func _enable_plugin() -> void:
+	add_autoload_singleton(AUTOLOAD_NAME, BRIDGE_PATH)
+
+
+func _disable_plugin() -> void:
+	remove_autoload_singleton(AUTOLOAD_NAME)

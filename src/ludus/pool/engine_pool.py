@@ -1,0 +1,265 @@
+"""Many engines as one batched environment: split send and receive, restarts, pinning."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import secrets
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ludus.batch import ActionBatch, Batch, Batches, StepTimes
+from ludus.errors import EngineCrashed, EngineError, EngineTimeout, SequenceError
+from ludus.session import Session
+from ludus.spec import PolicySpec, Spec
+from ludus.wire.reset import Parameters, ResetAction, ResetRequest
+
+__all__ = ["EnginePool"]
+
+_log = logging.getLogger(__name__)
+_RESTARTABLE = (EngineCrashed, EngineTimeout)
+
+
+class EnginePool:
+    """``num_engines`` equal engines as one batched environment; see :class:`ludus.pool.Pool`.
+
+    An engine that dies or freezes is started again, up to ``max_restarts`` times in all. Its worlds
+    are then reported as truncated, with what they observed last, and begin new episodes.
+
+    Args:
+        open_engine: Starts engine *k* and returns its session.
+        num_engines: How many to start; all start at once.
+        max_restarts: Restarts until an error is passed on.
+
+    Raises:
+        EngineError: An engine did not start; the others are ended.
+    """
+
+    def __init__(
+        self, open_engine: Callable[[int], Session], num_engines: int = 1, max_restarts: int = 0
+    ) -> None:
+        self._open_engine = open_engine
+        self._max_restarts = max_restarts
+        self._num_restarts = 0
+        self._sessions: list[Session] = []
+        self._sessions = _open_all(open_engine, num_engines)
+        self._spec = self._sessions[0].spec
+        self._policies = {policy.name: policy for policy in self._spec.policies}
+        self._last: list[Batches | None] = [None] * num_engines
+        self._is_lost = [False] * num_engines
+        self._seed = secrets.randbits(48)
+
+    @property
+    def spec(self) -> Spec:
+        """Spec of one engine; all engines have the same."""
+        return self._spec
+
+    @property
+    def num_engines(self) -> int:
+        """Number of engines."""
+        return len(self._sessions)
+
+    @property
+    def policies(self) -> Mapping[str, PolicySpec]:
+        """Policies by name, in wire order."""
+        return self._policies
+
+    @property
+    def num_restarts(self) -> int:
+        """Engines restarted so far."""
+        return self._num_restarts
+
+    @property
+    def sessions(self) -> Sequence[Session]:
+        """The sessions, by engine."""
+        return self._sessions
+
+    def num_agents(self, policy: str) -> int:
+        """Return the number of slots of ``policy`` over all engines."""
+        return self._policies[policy].num_agents * self.num_engines
+
+    def rows(self, policy: str, engine: int) -> slice:
+        """Return the rows of ``engine`` in arrays over all engines."""
+        size = self._policies[policy].num_agents
+        return slice(engine * size, (engine + 1) * size)
+
+    def reset(self, seed: int | None = None, parameters: Parameters = None) -> Batches:
+        """Begin a new episode in every world; see :meth:`ludus.pool.Pool.reset`."""
+        num = self._spec.num_worlds * self.num_engines
+        if seed is None and self._last[0] is None:
+            seed = self._seed
+        if seed is not None:
+            self._seed = seed
+        return self.reset_worlds(ResetRequest.all_worlds(num, seed, parameters))
+
+    def reset_worlds(self, request: ResetRequest) -> Batches:
+        """Begin new episodes in some of the worlds of all engines; returns copies.
+
+        Args:
+            request: One seed and one action per world, counted over all engines.
+        """
+        num = self._spec.num_worlds
+        for engine, session in enumerate(self._sessions):
+            part = slice(engine * num, (engine + 1) * num)
+            parameters = request.parameters
+            if parameters is not None and not isinstance(parameters, Mapping):
+                parameters = list(parameters)[part]
+            self._last[engine] = session.reset(
+                ResetRequest(request.seeds[part], request.actions[part], parameters)
+            )
+        return self._joined()
+
+    def send(self, engine: int, actions: Mapping[str, ActionBatch]) -> None:
+        """Send one engine the actions of its own slots and return at once."""
+        if self._last[engine] is None:
+            raise SequenceError("step before the first reset", hint="call reset() first")
+        try:
+            self._sessions[engine].send(actions)
+        except _RESTARTABLE as error:
+            self._note_loss(engine, error)
+
+    def receive(self, engine: int) -> Batches:
+        """Wait for one engine's answer; views that its next ``receive`` overwrites."""
+        before = self._last[engine]
+        assert before is not None or not self._is_lost[engine]
+        acted = {name: batch.active.copy() for name, batch in (before or {}).items()}
+        seen = self._remembered(before) if self._max_restarts else None
+        if not self._is_lost[engine]:
+            try:
+                batches = self._sessions[engine].receive()
+                self._last[engine] = batches
+                return batches
+            except _RESTARTABLE as error:
+                self._note_loss(engine, error)
+        self._is_lost[engine] = False
+        self._last[engine] = self._restart(engine, acted, seen or {})
+        return self._last[engine] or {}
+
+    def step(self, actions: Mapping[str, ActionBatch]) -> Batches:
+        """Step all engines; returns copies."""
+        for engine in range(self.num_engines):
+            own = {name: actions[name].rows(self.rows(name, engine)) for name in self._policies}
+            self.send(engine, own)
+        for engine in range(self.num_engines):
+            self.receive(engine)
+        return self._joined()
+
+    def call(
+        self, target: Mapping[str, Any], method: str, arguments: Sequence[Any] = ()
+    ) -> list[Any]:
+        """Call a method of the game in every engine; returns one value per engine."""
+        return [session.call(target, method, arguments) for session in self._sessions]
+
+    def times(self, engine: int) -> StepTimes:
+        """Return where the time of that engine's last step went."""
+        return self._sessions[engine].times
+
+    def close(self) -> None:
+        """End all engines; may be called twice."""
+        for session in self._sessions:
+            session.close()
+
+    def __enter__(self) -> EnginePool:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _joined(self) -> Batches:
+        parts = [batches for batches in self._last if batches is not None]
+        return {
+            name: _join([batches[name] for batches in parts], policy)
+            for name, policy in self._policies.items()
+        }
+
+    def _remembered(self, batches: Batches | None) -> dict[str, dict[str, NDArray[Any]]]:
+        return {
+            name: {entry: values.copy() for entry, values in batch.observation.items()}
+            for name, batch in (batches or {}).items()
+        }
+
+    def _note_loss(self, engine: int, error: EngineError) -> None:
+        if self._num_restarts >= self._max_restarts:
+            self.close()
+            raise error
+        self._num_restarts += 1
+        self._is_lost[engine] = True
+        _log.warning(
+            "engine %d is started again (%d of %d): %s",
+            engine,
+            self._num_restarts,
+            self._max_restarts,
+            error,
+        )
+
+    def _restart(
+        self,
+        engine: int,
+        acted: Mapping[str, NDArray[np.bool_]],
+        seen: Mapping[str, Mapping[str, NDArray[Any]]],
+    ) -> Batches:
+        self._sessions[engine].close()
+        session = self._open_engine(engine)
+        self._sessions[engine] = session
+        num = self._spec.num_worlds
+        # Other seeds than before: the same episodes once more would teach nothing new.
+        first = self._seed + engine * num + 1_000_003 * self._num_restarts
+        seeds = np.array([(first + i) % (1 << 64) for i in range(num)], np.uint64)
+        actions = np.full(num, ResetAction.SEED, np.uint8)
+        fresh = session.reset(ResetRequest(seeds, actions))
+        return {name: _truncated(batch, acted[name], seen[name]) for name, batch in fresh.items()}
+
+
+def _open_all(open_engine: Callable[[int], Session], num_engines: int) -> list[Session]:
+    """Start all engines at once; on failure end those that did start."""
+    with ThreadPoolExecutor(num_engines, "ludus-open") as executor:
+        futures = [executor.submit(open_engine, engine) for engine in range(num_engines)]
+    sessions = [future.result() for future in futures if future.exception() is None]
+    failures = [error for future in futures if (error := future.exception())]
+    if failures:
+        for session in sessions:
+            with contextlib.suppress(EngineError):
+                session.close()
+        raise failures[0]
+    return sessions
+
+
+def _join(parts: list[Batch], policy: PolicySpec) -> Batch:
+    """Return one batch over all engines; copies."""
+    masks = [part.action_mask for part in parts if part.action_mask is not None]
+    size = policy.num_agents
+    return Batch(
+        observation={
+            e.name: np.concatenate([part.observation[e.name] for part in parts])
+            for e in policy.observation
+        },
+        reward=np.concatenate([part.reward for part in parts]),
+        terminated=np.concatenate([part.terminated for part in parts]),
+        truncated=np.concatenate([part.truncated for part in parts]),
+        active=np.concatenate([part.active for part in parts]),
+        action_mask=np.concatenate(masks) if masks else None,
+        final_index=np.concatenate([p.final_index + k * size for k, p in enumerate(parts)]),
+        final_observation={
+            e.name: np.concatenate([part.final_observation[e.name] for part in parts])
+            for e in policy.observation
+        },
+    )
+
+
+def _truncated(fresh: Batch, acted: NDArray[np.bool_], seen: Mapping[str, NDArray[Any]]) -> Batch:
+    """Mark the episodes that an engine took with it as truncated."""
+    index = np.flatnonzero(acted)
+    return Batch(
+        observation=fresh.observation,
+        reward=np.zeros_like(fresh.reward),
+        terminated=np.zeros_like(fresh.terminated),
+        truncated=acted.copy(),
+        active=fresh.active,
+        action_mask=fresh.action_mask,
+        final_index=index,
+        final_observation={entry: values[index] for entry, values in seen.items()},
+    )

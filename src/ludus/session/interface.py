@@ -1,0 +1,46 @@
+"""What a connection to one engine can do, whatever the engine and the dialect."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+from ludus.batch import ActionBatch, Batches, StepTimes
+from ludus.spec import Spec
+from ludus.wire.reset import ResetRequest
+
+__all__ = ["Session"]
+
+
+class Session(Protocol):
+    """One engine. Call :meth:`reset` first, then :meth:`send` and :meth:`receive` in turn."""
+
+    @property
+    def spec(self) -> Spec:
+        """What the engine declared."""
+        ...
+
+    @property
+    def times(self) -> StepTimes:
+        """Where the time of the last step went."""
+        ...
+
+    def reset(self, request: ResetRequest) -> Batches:
+        """Begin new episodes; returns views that the next answer overwrites."""
+        ...
+
+    def send(self, actions: Mapping[str, ActionBatch]) -> None:
+        """Send the actions of all policies and return at once."""
+        ...
+
+    def receive(self) -> Batches:
+        """Wait for the answer to :meth:`send`; returns views that the next answer overwrites."""
+        ...
+
+    def call(self, target: Mapping[str, Any], method: str, arguments: Sequence[Any] = ()) -> Any:
+        """Call a method of the game (PROTOCOL.md §8) and return its JSON value."""
+        ...
+
+    def close(self) -> None:
+        """End the conversation and the engine; may be called twice."""
+        ...

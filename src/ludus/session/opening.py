@@ -1,0 +1,165 @@
+"""Start a game, or find one that runs, and open a session with it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ludus.engine import (
+    EngineProcess,
+    GodotFlags,
+    LaunchConfig,
+    Target,
+    TargetKind,
+    ensure_imported,
+    executable_command,
+    godot_command,
+    with_display,
+)
+from ludus.errors import EngineStartError, EngineTimeout, TargetError
+from ludus.link import Link, Listener, connect
+from ludus.session.engine_session import EngineSession
+from ludus.session.supervision import Supervision
+from ludus.wire.handshake import EngineConfig
+
+__all__ = ["LaunchOptions", "open_session"]
+
+RUN_SCENE = "res://addons/ludus/run.tscn"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaunchOptions:
+    """How a game is started and watched.
+
+    Attributes:
+        is_windowed: Open a window and draw.
+        is_real_time: Run at the speed of the game, not as fast as possible.
+        cores: Cores the engine is pinned to; None: the system decides.
+        log_path: File for the engine's output.
+        start_timeout_s: How long it may take until the game has told its spec.
+        step_timeout_s: How long an answer may take.
+        play_timeout_s: How long to wait for somebody to press Play.
+        token: Secret shared with a game on another machine, at least 16 characters.
+    """
+
+    is_windowed: bool = False
+    is_real_time: bool = False
+    cores: tuple[int, ...] | None = None
+    log_path: Path | None = None
+    start_timeout_s: float = 60.0
+    step_timeout_s: float = 60.0
+    play_timeout_s: float = 600.0
+    token: str = ""
+
+
+def open_session(
+    target: Target, config: EngineConfig, options: LaunchOptions | None = None
+) -> EngineSession:
+    """Open a session with ``target``.
+
+    Raises:
+        TargetError: The target cannot be run.
+        EngineNotFound: There is no engine to run it with.
+        EngineError: The engine did not start, died, froze or broke the protocol.
+    """
+    options = options or LaunchOptions()
+    if target.kind is TargetKind.ADDRESS:
+        return _converse(_connect(target, options), None, config, options)
+    if target.kind is TargetKind.PLAY:
+        return _await_play(target, config, options)
+    return _launch(target, replace(config, scene=config.scene or target.scene), options)
+
+
+def _launch(target: Target, config: EngineConfig, options: LaunchOptions) -> EngineSession:
+    with contextlib.closing(Listener()) as listener:
+        addresses = ",".join(listener.addresses)
+        launch = LaunchConfig(
+            command=_command(
+                target, options, (f"--ludus-connect={addresses}", f"--ludus-parent={os.getpid()}")
+            ),
+            cores=options.cores,
+            log_path=options.log_path,
+            start_timeout_s=options.start_timeout_s,
+        )
+        process = EngineProcess.start(launch)
+        try:
+            link = listener.accept(options.start_timeout_s, Supervision(process).check_alive)
+        except EngineTimeout as error:
+            report = process.describe_death()
+            process.terminate()
+            raise EngineStartError(
+                f"the game never connected: {error.message}: {report}"
+            ) from error
+        except BaseException:
+            process.terminate()
+            raise
+    return _converse(link, process, config, options)
+
+
+def _converse(
+    link: Link, process: EngineProcess | None, config: EngineConfig, options: LaunchOptions
+) -> EngineSession:
+    link.timeout_s = options.start_timeout_s
+    return EngineSession(link, config, Supervision(process), options.token, options.step_timeout_s)
+
+
+def _command(target: Target, options: LaunchOptions, user_args: tuple[str, ...]) -> tuple[str, ...]:
+    project = target.project
+    flags = GodotFlags(
+        headless=not options.is_windowed,
+        fixed_fps=None if options.is_real_time else (project.ticks_per_second if project else 60),
+        user_args=user_args,
+    )
+    if project is None:
+        assert target.executable is not None
+        command = executable_command(target.executable, flags)
+    else:
+        if not (project.root / "addons/ludus/run.tscn").is_file():
+            raise TargetError(
+                f"{project.root} has no Ludus add-on",
+                hint=f"run `ludus addon install {project.root}`",
+            )
+        engine = target.find_engine()
+        assert engine is not None
+        ensure_imported(engine, project)
+        command = godot_command(engine, project.root, RUN_SCENE, flags)
+    return with_display(command) if options.is_windowed else command
+
+
+def _connect(target: Target, options: LaunchOptions) -> Link:
+    assert target.address is not None
+    _check_token(target.address[0], options.token)
+    try:
+        return connect(target.address, options.start_timeout_s)
+    except OSError as error:
+        host, port = target.address
+        raise EngineStartError(
+            f"no game answers at {host}:{port}: {error}",
+            hint=f"start the game with `-- --ludus-listen={host}:{port}`",
+        ) from error
+
+
+def _await_play(target: Target, config: EngineConfig, options: LaunchOptions) -> EngineSession:
+    assert target.address is not None
+    host, port = target.address
+    try:
+        listener = Listener((host, port))
+    except OSError as error:
+        raise EngineStartError(
+            f"cannot listen at {host}:{port}: {error}",
+            hint="another trainer may be waiting there; end it first",
+        ) from error
+    with contextlib.closing(listener):
+        link = listener.accept(options.play_timeout_s, lambda: None)
+    return _converse(link, None, config, options)
+
+
+def _check_token(host: str, token: str) -> None:
+    is_local = host in {"localhost", "::1"} or host.startswith("127.")
+    if not is_local and len(token) < 16:
+        raise EngineStartError(
+            f"a game on another machine ({host}) needs a token of at least 16 characters",
+            hint="write it into a file and name it on both sides (--token-file)",
+        )

@@ -1,0 +1,151 @@
+"""Frames: header, types, limits, JSON payloads (PROTOCOL.md §1). No input or output."""
+
+from __future__ import annotations
+
+import json
+import struct
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, cast
+
+from ludus.errors import ProtocolError
+
+__all__ = [
+    "HEADER",
+    "HEADER_BYTES",
+    "Frame",
+    "FrameReader",
+    "FrameType",
+    "decode_header",
+    "decode_json",
+    "encode_frame",
+    "encode_json",
+    "padded",
+]
+
+HEADER = struct.Struct("<IBBH")
+HEADER_BYTES = HEADER.size
+MAX_BINARY_BYTES = 1 << 28
+MAX_JSON_BYTES = 1 << 24
+MAX_PING_BYTES = 1 << 20
+
+
+class FrameType(IntEnum):
+    """What a frame carries."""
+
+    HELLO = 1
+    WELCOME = 2
+    SPEC = 3
+    RESET = 4
+    STEP = 5
+    BATCH = 6
+    CALL = 7
+    RESULT = 8
+    PING = 9
+    PONG = 10
+    ERROR = 11
+    CLOSE = 12
+
+
+_LIMITS = {
+    FrameType.RESET: MAX_BINARY_BYTES,
+    FrameType.STEP: MAX_BINARY_BYTES,
+    FrameType.BATCH: MAX_BINARY_BYTES,
+    FrameType.PING: MAX_PING_BYTES,
+    FrameType.PONG: MAX_PING_BYTES,
+    FrameType.CLOSE: 0,
+}
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One whole frame."""
+
+    type: FrameType
+    payload: bytes
+
+
+def padded(num_bytes: int) -> int:
+    """Return ``num_bytes`` rounded up to a multiple of 8."""
+    return (num_bytes + 7) & ~7
+
+
+def decode_header(header: bytes | bytearray | memoryview) -> tuple[FrameType, int]:
+    """Return type and payload length of an 8-byte header.
+
+    Raises:
+        ProtocolError: Unknown type, set reserved bits, or a length over the limit.
+    """
+    num_bytes, number, flags, reserved = HEADER.unpack(header)
+    try:
+        frame_type = FrameType(number)
+    except ValueError:
+        raise ProtocolError(
+            f"frame of unknown type {number}",
+            hint="something that is no Ludus engine may be speaking on this connection",
+        ) from None
+    if flags or reserved:
+        raise ProtocolError(f"{frame_type.name} frame with flags {flags}, reserved {reserved}")
+    limit = _LIMITS.get(frame_type, MAX_JSON_BYTES)
+    if num_bytes > limit:
+        raise ProtocolError(f"{frame_type.name} frame of {num_bytes} bytes, the limit is {limit}")
+    return frame_type, num_bytes
+
+
+def encode_frame(frame_type: FrameType, payload: bytes | bytearray | memoryview = b"") -> bytes:
+    """Return header and payload as one piece."""
+    return HEADER.pack(len(payload), frame_type, 0, 0) + bytes(payload)
+
+
+def encode_json(frame_type: FrameType, value: dict[str, Any]) -> bytes:
+    """Return a whole frame with a JSON payload."""
+    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
+    return encode_frame(frame_type, text.encode())
+
+
+def decode_json(payload: bytes | bytearray | memoryview, what: str) -> dict[str, Any]:
+    """Return the JSON object of a payload.
+
+    Raises:
+        ProtocolError: It is no UTF-8, no JSON or no object. ``what`` names the frame.
+    """
+    try:
+        value: Any = json.loads(bytes(payload).decode("utf-8"), parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
+        raise ProtocolError(f"{what} is not valid JSON: {error}") from error
+    if not isinstance(value, dict):
+        raise ProtocolError(f"{what} must be a JSON object, got {type(value).__name__}")
+    return cast(dict[str, Any], value)
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name} is not JSON")
+
+
+class FrameReader:
+    """Cuts a stream of bytes, fed in pieces of any size, into frames."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Take in ``data`` and return the frames that are now whole.
+
+        Raises:
+            ProtocolError: A header is not allowed.
+        """
+        self._buffer += data
+        frames: list[Frame] = []
+        while len(self._buffer) >= HEADER_BYTES:
+            frame_type, num_bytes = decode_header(self._buffer[:HEADER_BYTES])
+            end = HEADER_BYTES + num_bytes
+            if len(self._buffer) < end:
+                break
+            frames.append(Frame(frame_type, bytes(self._buffer[HEADER_BYTES:end])))
+            del self._buffer[:end]
+        return frames
+
+    @property
+    def num_pending_bytes(self) -> int:
+        """Bytes of a frame that is not whole yet."""
+        return len(self._buffer)

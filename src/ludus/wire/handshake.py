@@ -1,0 +1,117 @@
+"""Greeting and agreement on a version (PROTOCOL.md §3). No input or output."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+from ludus.errors import EngineStartError, ProtocolError
+
+__all__ = ["CAPABILITIES", "PROTOCOL_MAX", "PROTOCOL_MIN", "EngineConfig", "Hello", "welcome"]
+
+PROTOCOL_MIN = 1
+PROTOCOL_MAX = 1
+CAPABILITIES = frozenset({"call", "ceiling", "rebuild", "reset_worlds"})
+
+
+@dataclass(frozen=True)
+class EngineConfig:
+    """What the trainer asks of an engine (``config`` of PROTOCOL.md §3).
+
+    Attributes:
+        scene: Scene to make worlds of; None: the game's own.
+        num_worlds: Worlds in this engine.
+        first_world: Index of its first world among all engines.
+        layout: ``"scene"`` (what the scene asks for), ``"isolated"`` or ``"grid"``.
+        ticks_per_step: Physics ticks per decision; None: what the agents say.
+        max_episode_steps: Steps until truncation; None: what the agents say.
+        idle_timeout_s: How long the engine waits for the next request, seconds.
+    """
+
+    scene: str | None = None
+    num_worlds: int = 1
+    first_world: int = 0
+    layout: str = "scene"
+    ticks_per_step: int | None = None
+    max_episode_steps: int | None = None
+    idle_timeout_s: int = 3600
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the object of PROTOCOL.md §3."""
+        return dict(self.__dict__)
+
+
+@dataclass(frozen=True)
+class Hello:
+    """An engine's greeting.
+
+    Attributes:
+        protocol: Lowest and highest version it speaks.
+        engine: Name and version, for example ``"godot 4.6.3"``.
+        addon: Version of the add-on.
+        capabilities: Features it has.
+        token: Secret shared with the trainer, empty on loopback.
+    """
+
+    protocol: tuple[int, int]
+    engine: str
+    addon: str
+    capabilities: frozenset[str]
+    token: str = field(repr=False, default="")
+
+    @classmethod
+    def from_json(cls, value: Mapping[str, Any]) -> Hello:
+        """Read a ``HELLO``.
+
+        Raises:
+            ProtocolError: A key is missing or of the wrong type.
+        """
+        try:
+            versions = value["protocol"]
+            low, high = int(versions["min"]), int(versions["max"])
+            engine = f"{value['engine']['name']} {value['engine']['version']}"
+            capabilities = cast(list[Any], value["capabilities"])
+            if not isinstance(value["capabilities"], list):
+                raise TypeError("capabilities must be a list")
+            return cls(
+                protocol=(low, high),
+                engine=engine,
+                addon=str(value["addon"]),
+                capabilities=frozenset(str(item) for item in capabilities),
+                token=str(value.get("token", "")),
+            )
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            raise ProtocolError(f"malformed HELLO: {error!r}") from error
+
+    def agree(self) -> int:
+        """Return the highest protocol version both sides know.
+
+        Raises:
+            EngineStartError: There is none; the text says which side to upgrade.
+        """
+        low, high = self.protocol
+        version = min(high, PROTOCOL_MAX)
+        if version >= max(low, PROTOCOL_MIN):
+            return version
+        if high < PROTOCOL_MIN:
+            side, hint = "the game's add-on is too old", "run `ludus addon install PROJECT`"
+        else:
+            side, hint = "the Python package is too old", "run `pip install --upgrade ludus-rl`"
+        raise EngineStartError(
+            f"{side}: it speaks protocol {low} to {high}, ludus {PROTOCOL_MIN} to {PROTOCOL_MAX}",
+            hint=hint,
+        )
+
+
+def welcome(version: int, hello: Hello, config: EngineConfig, token: str = "") -> dict[str, Any]:
+    """Return the answer to a ``HELLO``."""
+    from ludus.version import __version__
+
+    return {
+        "protocol": version,
+        "client": f"ludus {__version__}",
+        "capabilities": sorted(hello.capabilities & CAPABILITIES),
+        "token": token,
+        "config": config.to_json(),
+    }

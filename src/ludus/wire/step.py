@@ -1,0 +1,189 @@
+"""``STEP`` and ``BATCH`` payloads as structures of arrays (PROTOCOL.md §6 and §7).
+
+Their sizes follow from the spec, so both sides allocate once. No input or output happens here.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ludus.batch import ActionBatch, Batch, Batches, StepTimes
+from ludus.errors import ActionError, ProtocolError
+from ludus.spec import PolicySpec, Spec
+from ludus.wire.frames import HEADER, HEADER_BYTES, FrameType, padded
+
+__all__ = ["BatchDecoder", "StepEncoder"]
+
+_HEAD = struct.Struct("<QIIII")
+_FINAL_HEAD = struct.Struct("<II")
+
+
+class StepEncoder:
+    """Writes ``STEP`` frames for one engine into one buffer that is used again and again."""
+
+    def __init__(self, spec: Spec) -> None:
+        self._policies = spec.policies
+        sizes = [_action_bytes(policy) for policy in spec.policies]
+        num_bytes = sum(discrete + continuous for discrete, continuous in sizes)
+        self._frame = bytearray(HEADER_BYTES + num_bytes)
+        HEADER.pack_into(self._frame, 0, num_bytes, FrameType.STEP, 0, 0)
+        self._slots: dict[str, ActionBatch] = {}
+        offset = HEADER_BYTES
+        for policy, (discrete, continuous) in zip(spec.policies, sizes, strict=True):
+            self._slots[policy.name] = _action_views(self._frame, policy, offset, discrete)
+            offset += discrete + continuous
+
+    def encode(self, actions: Mapping[str, ActionBatch]) -> bytearray:
+        """Return the frame; the next call overwrites it.
+
+        Raises:
+            ActionError: A policy is missing, or its arrays have the wrong shape.
+        """
+        for policy in self._policies:
+            action = actions.get(policy.name)
+            if action is None:
+                raise ActionError(f"no actions for policy {policy.name}")
+            slot = self._slots[policy.name]
+            _copy(slot.discrete, action.discrete, policy.name, "discrete")
+            _copy(slot.continuous, action.continuous, policy.name, "continuous")
+        return self._frame
+
+
+class BatchDecoder:
+    """Reads ``BATCH`` frames of one engine in place.
+
+    ``buffer`` holds a whole frame, header included; its arrays are views made once. Final
+    observations, whose number varies, follow the fixed part.
+    """
+
+    def __init__(self, spec: Spec) -> None:
+        self._spec = spec
+        fixed = _HEAD.size + sum(_batch_bytes(policy) for policy in spec.policies)
+        room = sum(_final_bytes(policy, policy.num_agents) for policy in spec.policies)
+        self._fixed_bytes = fixed
+        self.buffer = bytearray(HEADER_BYTES + fixed + room)
+        self._batches: Batches = {}
+        offset = HEADER_BYTES + _HEAD.size
+        for policy in spec.policies:
+            self._batches[policy.name] = _batch_views(self.buffer, policy, offset)
+            offset += _batch_bytes(policy)
+        self._no_final = _FINAL_HEAD.size * len(spec.policies)
+        self._empty = {policy.name: _no_final(policy) for policy in spec.policies}
+        self.times = StepTimes(0, 0, 0, 0)
+        self.is_reset = False
+
+    def decode(self, num_bytes: int) -> Batches:
+        """Interpret a payload of ``num_bytes`` that lies in :attr:`buffer` behind the header.
+
+        Returns:
+            Views of the buffer; the next frame overwrites them.
+
+        Raises:
+            ProtocolError: The payload has another size than the spec says, or bad slots.
+        """
+        if num_bytes < self._fixed_bytes + self._no_final:
+            raise ProtocolError(
+                f"BATCH has {num_bytes} bytes, the spec needs {self._fixed_bytes + self._no_final}"
+            )
+        tick, engine_us, bridge_us, wait_us, flags = _HEAD.unpack_from(self.buffer, HEADER_BYTES)
+        self.times = StepTimes(tick, engine_us, bridge_us, wait_us)
+        self.is_reset = bool(flags & 1)
+        self._decode_final(num_bytes)
+        return self._batches
+
+    def _decode_final(self, num_bytes: int) -> None:
+        offset = HEADER_BYTES + self._fixed_bytes
+        end = HEADER_BYTES + num_bytes
+        for policy in self._spec.policies:
+            batch = self._batches[policy.name]
+            if offset + _FINAL_HEAD.size > end:
+                raise ProtocolError("BATCH ends inside its final observations")
+            count, _ = _FINAL_HEAD.unpack_from(self.buffer, offset)
+            if count == 0:
+                batch.final_index, batch.final_observation = self._empty[policy.name]
+                offset += _FINAL_HEAD.size
+                continue
+            size = _final_bytes(policy, count)
+            if count > policy.num_agents or offset + size > end:
+                raise ProtocolError(f"BATCH has {count} final observations of {policy.name}")
+            _read_final(self.buffer, policy, batch, offset + _FINAL_HEAD.size, count)
+            offset += size
+        if offset != end:
+            raise ProtocolError(f"BATCH has {end - offset} bytes too many")
+
+
+def _action_bytes(policy: PolicySpec) -> tuple[int, int]:
+    num = policy.num_agents
+    return padded(num * policy.num_discrete * 8), padded(num * policy.continuous_size * 4)
+
+
+def _action_views(
+    frame: bytearray, policy: PolicySpec, offset: int, discrete_bytes: int
+) -> ActionBatch:
+    num, choices, size = policy.num_agents, policy.num_discrete, policy.continuous_size
+    discrete = np.frombuffer(frame, "<i8", num * choices, offset)
+    continuous = np.frombuffer(frame, "<f4", num * size, offset + discrete_bytes)
+    return ActionBatch(discrete.reshape(num, choices), continuous.reshape(num, size))
+
+
+def _copy(slot: NDArray[Any], values: NDArray[Any], policy: str, kind: str) -> None:
+    if values.shape != slot.shape:
+        raise ActionError(
+            f"{policy}.{kind}: expected actions of shape {slot.shape}, got {values.shape}"
+        )
+    if slot.size:
+        slot[...] = values
+
+
+def _batch_bytes(policy: PolicySpec) -> int:
+    num = policy.num_agents
+    entries = sum(padded(num * e.size * e.numpy_dtype.itemsize) for e in policy.observation)
+    return entries + padded(num * 4) + 3 * padded(num) + padded(num * policy.mask_size)
+
+
+def _final_bytes(policy: PolicySpec, count: int) -> int:
+    entries = sum(padded(count * e.size * e.numpy_dtype.itemsize) for e in policy.observation)
+    return _FINAL_HEAD.size + padded(count * 4) + entries
+
+
+def _batch_views(buffer: bytearray, policy: PolicySpec, offset: int) -> Batch:
+    num = policy.num_agents
+    batch = Batch.allocate(policy, num)
+    for entry in policy.observation:
+        view = np.frombuffer(buffer, entry.numpy_dtype, num * entry.size, offset)
+        batch.observation[entry.name] = view.reshape(num, *entry.shape)
+        offset += padded(view.nbytes)
+    batch.reward = np.frombuffer(buffer, "<f4", num, offset)
+    offset += padded(num * 4)
+    batch.terminated = np.frombuffer(buffer, np.bool_, num, offset)
+    batch.truncated = np.frombuffer(buffer, np.bool_, num, offset + padded(num))
+    batch.active = np.frombuffer(buffer, np.bool_, num, offset + 2 * padded(num))
+    if policy.mask_size:
+        mask = np.frombuffer(buffer, np.bool_, num * policy.mask_size, offset + 3 * padded(num))
+        batch.action_mask = mask.reshape(num, policy.mask_size)
+    return batch
+
+
+def _no_final(policy: PolicySpec) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
+    empty = Batch.allocate(policy, 0)
+    return empty.final_index, empty.final_observation
+
+
+def _read_final(
+    buffer: bytearray, policy: PolicySpec, batch: Batch, offset: int, count: int
+) -> None:
+    index = np.frombuffer(buffer, "<u4", count, offset).astype(np.int64)
+    if index[-1] >= policy.num_agents or (count > 1 and np.any(np.diff(index) <= 0)):
+        raise ProtocolError(f"final slots of {policy.name} are out of range or not ascending")
+    offset += padded(count * 4)
+    batch.final_index = index
+    batch.final_observation = {}
+    for entry in policy.observation:
+        view = np.frombuffer(buffer, entry.numpy_dtype, count * entry.size, offset)
+        batch.final_observation[entry.name] = view.reshape(count, *entry.shape)
+        offset += padded(view.nbytes)
