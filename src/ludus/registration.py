@@ -1,0 +1,28 @@
+"""Make the bundled examples known to Gymnasium as ``ludus/CartPole-v0`` and so on.
+
+Gymnasium calls :func:`register_examples` when it is imported, so this module imports nothing heavy.
+"""
+
+from __future__ import annotations
+
+import gymnasium
+
+__all__ = ["ENVIRONMENT_IDS", "register_examples"]
+
+ENVIRONMENT_IDS = {
+    "ludus/CartPole-v0": "cartpole",
+    "ludus/Pendulum-v0": "pendulum",
+    "ludus/BallChase-v0": "ball_chase",
+}
+"""Gymnasium's id → bundled example."""
+
+
+def register_examples() -> None:
+    """Register every bundled example with Gymnasium."""
+    for environment_id, example in ENVIRONMENT_IDS.items():
+        gymnasium.register(
+            id=environment_id,
+            entry_point="ludus.envs:make",
+            vector_entry_point="ludus.envs:make_registered_vec",
+            kwargs={"target": example},
+        )
