@@ -10,6 +10,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from ludus.registration import register_examples
 from ludus.version import __version__
 
 if TYPE_CHECKING:
@@ -38,9 +39,11 @@ _HOMES = {
     "open_pool": "ludus.pool",
 }
 
+register_examples()
+
 
 def __getattr__(name: str) -> Any:
-    """Import public names when they are first used, so that ``import ludus`` costs nothing."""
+    """Import public names when they are first used, so that ``import ludus`` stays quick."""
     if name not in _HOMES:
         raise AttributeError(f"module 'ludus' has no attribute {name!r}")
     return getattr(import_module(_HOMES[name]), name)

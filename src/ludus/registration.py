@@ -1,9 +1,11 @@
 """Make the bundled examples known to Gymnasium as ``ludus/CartPole-v0`` and so on.
 
-Gymnasium calls :func:`register_examples` when it is imported, so this module imports nothing heavy.
+``import ludus`` does it; Gymnasium 1 no longer looks for plug-ins by itself.
 """
 
 from __future__ import annotations
+
+from typing import Any, cast
 
 import gymnasium
 
@@ -20,7 +22,7 @@ ENVIRONMENT_IDS = {
 def register_examples() -> None:
     """Register every bundled example with Gymnasium."""
     for environment_id, example in ENVIRONMENT_IDS.items():
-        gymnasium.register(
+        cast(Any, gymnasium).register(
             id=environment_id,
             entry_point="ludus.envs:make",
             vector_entry_point="ludus.envs:make_registered_vec",
