@@ -48,6 +48,11 @@ class Link:
         self._timeout_s = value
         self._socket.settimeout(value)
 
+    @property
+    def socket(self) -> socket.socket:
+        """The socket itself, for measurements below the level of frames."""
+        return self._socket
+
     def send(self, frame: bytes | bytearray) -> None:
         """Send a whole frame.
 
@@ -62,11 +67,17 @@ class Link:
         except OSError as error:
             raise LinkClosed(str(error)) from error
 
-    def receive_into(self, buffer: bytearray) -> tuple[FrameType, int]:
+    @property
+    def has_pending(self) -> bool:
+        """Whether bytes came together with the last frame that do not belong to it."""
+        return bool(self._pending)
+
+    def receive_into(self, buffer: bytearray, expected: FrameType) -> int | None:
         """Read one frame, header included, into ``buffer``.
 
         Returns:
-            Type and length of the payload, which lies behind the 8 bytes of the header.
+            Length of the payload, which lies behind the 8 bytes of the header. None if another
+            frame than the expected one comes, which is then left for :meth:`receive`.
 
         Raises:
             LinkClosed: The other side has gone.
@@ -81,16 +92,20 @@ class Link:
         while have < HEADER_BYTES:
             have += self._read(view[have:], deadline)
         frame_type, num_bytes = decode_header(view[:HEADER_BYTES])
+        if frame_type is not expected:
+            self._pending = bytes(view[:have])
+            return None
         end = HEADER_BYTES + num_bytes
         if end > len(view):
+            room = len(view) - HEADER_BYTES
             raise ProtocolError(
-                f"{frame_type.name} frame of {num_bytes} bytes, expected at most {len(view)}"
+                f"{frame_type.name} frame of {num_bytes} bytes, expected at most {room}"
             )
         while have < end:
             have += self._read(view[have:end], deadline)
         if have > end:
             self._pending = bytes(view[end:have])
-        return frame_type, num_bytes
+        return num_bytes
 
     def receive(self) -> tuple[FrameType, bytes]:
         """Read one frame of any size; returns type and payload. Errors as :meth:`receive_into`."""
@@ -123,6 +138,7 @@ class Link:
 
     def close(self) -> None:
         """Close the connection; may be called twice."""
+        self._pending = b""
         self._socket.close()
 
 

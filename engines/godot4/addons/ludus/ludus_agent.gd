@@ -52,9 +52,15 @@ var target: Node
 ## The world this agent lives in.
 var world: LudusWorld
 ## Steps since the episode began.
-var episode_steps: int = 0
-## The last action, as the game gets it.
-var current_action: Variant
+var episode_steps: int:
+	get:
+		return _batch.episode_steps(_slot) if _batch != null else _manual_steps
+	set(value):
+		_manual_steps = value
+
+var _batch: LudusPolicyBatch
+var _slot: int = -1
+var _manual_steps: int = 0
 
 
 func _enter_tree() -> void:
@@ -63,6 +69,10 @@ func _enter_tree() -> void:
 	if own_world != null:
 		own_world.newcomers.append(self)
 		LudusWorld.has_newcomers = true
+
+
+func _exit_tree() -> void:
+	LudusWorld.has_leavers = true
 
 
 ## Finds target and world. Returns what is wrong with the agent, or an empty text.
@@ -81,10 +91,10 @@ func connect_to_game() -> String:
 	return ""
 
 
-## Begins an episode: the counter and the game's own [code]reset()[/code].
-func begin_episode() -> void:
-	episode_steps = 0
-	target.reset()
+## Tells the agent which batch counts its steps.
+func join_batch(batch: LudusPolicyBatch, slot: int) -> void:
+	_batch = batch
+	_slot = slot
 
 
 ## Path inside the world, for messages.

@@ -8,6 +8,8 @@ var connect_to: PackedStringArray = []
 var listen_at: String = ""
 ## The secret shared with a trainer on another machine.
 var token: String = ""
+## Scene to play by hand, without a trainer; empty: the game's own.
+var play_scene: String = ""
 ## Process that must stay alive; 0: none.
 var parent_pid: int = 0
 
@@ -22,6 +24,8 @@ static func read() -> LudusArguments:
 				arguments.connect_to = value.split(",", false)
 			"--ludus-listen":
 				arguments.listen_at = value
+			"--ludus-play":
+				arguments.play_scene = value
 			"--ludus-token-file":
 				arguments.token = FileAccess.get_file_as_string(value).strip_edges()
 			"--ludus-parent":

@@ -97,8 +97,7 @@ func _physics_process(_delta: float) -> void:
 
 
 func _repeat(now: int) -> void:
-	for policy: LudusPolicyBatch in _game.policies:
-		policy.repeat_actions()
+	_game.repeat_actions()
 	_bridge_us += Time.get_ticks_usec() - now
 
 
@@ -240,6 +239,9 @@ func _start() -> void:
 	_phase = Phase.MANUAL
 	_manual = LudusManualPlay.new(get_tree())
 	_arguments = LudusArguments.read()
+	if not _arguments.play_scene.is_empty():
+		_show(_arguments.play_scene)
+		return
 	_link = LudusLink.new()
 	if not _connect():
 		if _arguments.has_trainer():
@@ -248,6 +250,21 @@ func _start() -> void:
 		return
 	_link.watch(_arguments.parent_pid)
 	_greet()
+
+
+## Shows a scene, for a person to play.
+func _show(scene_path: String) -> void:
+	var scene := load(scene_path) as PackedScene
+	if scene == null:
+		printerr("ludus: there is no scene %s" % scene_path)
+		get_tree().quit(1)
+		return
+	if get_tree().current_scene != self:
+		get_tree().change_scene_to_packed(scene)
+		return
+	var root := scene.instantiate()
+	get_tree().root.add_child(root)
+	get_tree().current_scene = root
 
 
 func _connect() -> bool:

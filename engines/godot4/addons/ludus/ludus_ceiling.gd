@@ -24,8 +24,7 @@ func _init(game: LudusGame, id: int, num_steps: int, seed_value: int) -> void:
 func advance() -> bool:
 	if _ticks_left > 1:
 		_ticks_left -= 1
-		for policy: LudusPolicyBatch in _game.policies:
-			policy.repeat_actions()
+		_game.repeat_actions()
 		return false
 	if _began_us == 0:
 		_began_us = Time.get_ticks_usec()

@@ -78,8 +78,16 @@ func reset(request: Dictionary) -> void:
 	_gather_errors()
 
 
+## Hands the game the actions of the current step again.
+func repeat_actions() -> void:
+	_drop_leavers()
+	for policy: LudusPolicyBatch in policies:
+		policy.repeat_actions()
+
+
 ## Takes in what the last step brought and begins the next episode where one ended.
 func collect() -> void:
+	_drop_leavers()
 	for policy: LudusPolicyBatch in policies:
 		policy.collect_outcomes()
 	if LudusWorld.has_newcomers:
@@ -221,8 +229,8 @@ func _continue_after(policy: LudusPolicyBatch, slot: int, i: int, ended: PackedI
 	var is_alone := world.episode_mode == LudusWorld.Episode.AGENT and agent != null
 	if is_alone and _num_agents_in_world() > 1:
 		world.begin_episode()
-		agent.begin_episode()
-		policy.active[slot] = 1
+		agent.target.reset()
+		policy.activate(slot)
 	elif not _has_active(i) and i not in ended:
 		ended.append(i)
 
@@ -258,7 +266,7 @@ func _is_complete(i: int) -> bool:
 		var num_own: int = num_slots - spare.get(policy.policy_name, 0)
 		for slot: int in range(i * num_slots, (i + 1) * num_slots):
 			var agent := policy.agents[slot]
-			var is_gone := not is_instance_valid(agent) or agent.is_queued_for_deletion()
+			var is_gone := agent == null or agent.is_queued_for_deletion()
 			if (slot - i * num_slots < num_own) == is_gone:
 				return false
 	return true
@@ -275,7 +283,7 @@ func _replace_world(i: int) -> void:
 			error = "world %d came back with other agents than it had at the start" % world.index
 			return
 		for k: int in num_slots:
-			policy.agents[i * num_slots + k] = members[k]
+			policy.set_agent(i * num_slots + k, members[k])
 	_fresh_worlds.append(world)
 
 
@@ -287,10 +295,18 @@ func _begin_episode(i: int) -> void:
 		var num_slots := _slots_per_world[policy.policy_name]
 		for slot: int in range(i * num_slots, (i + 1) * num_slots):
 			if policy.agents[slot] != null:
-				policy.agents[slot].begin_episode()
-				policy.active[slot] = 1
+				policy.agents[slot].target.reset()
+				policy.activate(slot)
 	if world.settle_ticks > 0:
 		_settling.append(world)
+
+
+func _drop_leavers() -> void:
+	if not LudusWorld.has_leavers:
+		return
+	LudusWorld.has_leavers = false
+	for policy: LudusPolicyBatch in policies:
+		policy.drop_leavers()
 
 
 func _admit_newcomers() -> void:
@@ -308,14 +324,15 @@ func _admit(agent: LudusAgent, i: int) -> void:
 		error = "agent %s: %s" % [agent.path_in_world(), problem]
 		return
 	for policy: LudusPolicyBatch in policies:
+		if policy.agents.has(agent):
+			return
 		if policy.policy_name != agent.policy_name:
 			continue
 		var num_slots := _slots_per_world[policy.policy_name]
 		for slot: int in range(i * num_slots, (i + 1) * num_slots):
-			if not is_instance_valid(policy.agents[slot]) and policy.active[slot] == 0:
-				policy.agents[slot] = agent
-				policy.active[slot] = 1
-				agent.episode_steps = 0
+			if policy.agents[slot] == null and policy.active[slot] == 0:
+				policy.set_agent(slot, agent)
+				policy.activate(slot)
 				return
 	push_warning(
 		(

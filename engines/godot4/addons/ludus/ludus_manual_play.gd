@@ -5,6 +5,8 @@ extends RefCounted
 
 var _tree: SceneTree
 var _tick: int = 0
+## The action of each agent in its current step.
+var _actions: Dictionary[LudusAgent, Variant] = {}
 
 
 func _init(tree: SceneTree) -> void:
@@ -30,19 +32,23 @@ func _begin(agent: LudusAgent) -> void:
 		push_warning("ludus: %s: %s" % [agent.get_path(), problem])
 		agent.enabled = false
 	elif agent.target.has_method(&"get_manual_action"):
-		agent.world.begin_episode()
-		agent.begin_episode()
+		_restart(agent)
 
 
 func _play(agent: LudusAgent) -> void:
 	if _tick % agent.ticks_per_step == 0:
 		agent.episode_steps += 1
 		agent.target.get_reward()
-		agent.current_action = agent.target.get_manual_action()
+		_actions[agent] = agent.target.get_manual_action()
 		var is_cut := agent.max_episode_steps > 0 and agent.episode_steps > agent.max_episode_steps
 		if agent.target.is_done() or is_cut:
-			agent.world.begin_episode()
-			agent.begin_episode()
+			_restart(agent)
 	elif agent.action_timing == LudusAgent.ActionTiming.ONCE:
 		return
-	agent.target.apply_action(agent.current_action)
+	agent.target.apply_action(_actions[agent])
+
+
+func _restart(agent: LudusAgent) -> void:
+	agent.episode_steps = 0
+	agent.world.begin_episode()
+	agent.target.reset()

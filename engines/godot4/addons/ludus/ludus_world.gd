@@ -31,6 +31,8 @@ const EPISODE_FACTOR := -4658895280553007687
 
 ## Whether any world has newcomers.
 static var has_newcomers: bool = false
+## Whether any agent may have left the scene.
+static var has_leavers: bool = false
 
 ## How copies are kept apart.
 @export var layout: Layout = Layout.ISOLATED

@@ -1,0 +1,292 @@
+"""Put the Ludus add-on into a Godot project, upgrade it there, and switch it on.
+
+A manifest beside the add-on's files records what was installed. Files that the user changed
+since are not overwritten unless asked to, and files of the user's own are left alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import os
+import shutil
+import tempfile
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, cast
+
+from ludus.engine.bundled import bundled_root, package_version
+from ludus.engine.config_file import add_to_string_array, parse_config
+from ludus.engine.kinds import EngineKind
+from ludus.engine.project import PROJECT_FILE, find_project
+from ludus.errors import ConfigError, SetupError, TargetError
+
+__all__ = [
+    "ADDON_PATH",
+    "MANIFEST_NAME",
+    "PLUGIN",
+    "AddonChange",
+    "AddonStatus",
+    "addon_status",
+    "install_addon",
+]
+
+ADDON_PATH = "addons/ludus"
+MANIFEST_NAME = ".ludus_manifest.json"
+PLUGIN = "res://addons/ludus/plugin.cfg"
+
+_ENABLED_KEY = "editor_plugins/enabled"
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class AddonStatus:
+    """The add-on in a project.
+
+    Attributes:
+        version: Version that was installed; None if there is no add-on, or one without a
+            manifest.
+        is_present: Whether there is an add-on at all.
+        is_enabled: Whether it is switched on in ``project.godot``.
+        is_current: Whether all its files equal those that come with this version of Ludus.
+        changed: Files that differ from what was installed, relative to the add-on.
+    """
+
+    version: str | None
+    is_present: bool
+    is_enabled: bool
+    is_current: bool
+    changed: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class AddonChange:
+    """What an installation did.
+
+    Attributes:
+        version_before: Version that was there; None if none was known.
+        version_after: Version that is there now.
+        added: New files, relative to the add-on.
+        updated: Files that were replaced.
+        removed: Files that this version no longer has.
+        has_enabled_plugin: Whether ``project.godot`` was changed to switch it on.
+    """
+
+    version_before: str | None
+    version_after: str
+    added: tuple[str, ...] = ()
+    updated: tuple[str, ...] = ()
+    removed: tuple[str, ...] = ()
+    has_enabled_plugin: bool = False
+
+
+@dataclass
+class _Files:
+    """SHA-256 by path relative to the add-on's folder."""
+
+    bundled: dict[str, str]
+    present: dict[str, str]
+    recorded: dict[str, str] = field(default_factory=dict[str, str])
+    version: str | None = None
+
+    def changed(self) -> list[str]:
+        """List files that the user altered and that an installation would overwrite or remove."""
+        return sorted(name for name, sha in self.present.items() if self._is_changed(name, sha))
+
+    def _is_changed(self, name: str, sha: str) -> bool:
+        if sha == self.bundled.get(name):
+            return False
+        if name in self.recorded:
+            return sha != self.recorded[name]
+        return name in self.bundled  # there before us, and we would overwrite it
+
+    def own(self) -> list[str]:
+        """List files of the user's own, which an installation keeps."""
+        ours = self.bundled.keys() | self.recorded.keys()
+        return sorted(name for name in self.present if name not in ours)
+
+
+def addon_status(project: Path) -> AddonStatus:
+    """Tell which add-on a project has.
+
+    Raises:
+        TargetError: There is no Godot 4 project.
+    """
+    root = _godot4_root(project)
+    files = _survey(root / ADDON_PATH)
+    return AddonStatus(
+        version=files.version,
+        is_present=bool(files.present),
+        is_enabled=PLUGIN in parse_config(_read_project_file(root)).strings(_ENABLED_KEY),
+        is_current=all(files.present.get(name) == sha for name, sha in files.bundled.items()),
+        changed=tuple(files.changed()),
+    )
+
+
+def install_addon(project: Path, *, force: bool = False) -> AddonChange:
+    """Copy the add-on into a Godot 4 project and switch it on.
+
+    The new folder is prepared beside the old one and takes its place at the end, so that a
+    failure half-way leaves the old one. Repeating it changes nothing.
+
+    Args:
+        project: Folder of the project, or anything inside it.
+        force: Overwrite files that were changed by hand.
+
+    Raises:
+        TargetError: There is no Godot 4 project.
+        ConfigError: Files were changed by hand, or the folder is a link.
+        SetupError: The project cannot be written.
+    """
+    root = _godot4_root(project)
+    target = root / ADDON_PATH
+    files = _survey(target)
+    _refuse_what_cannot_be_replaced(target, files, force=force)
+    try:
+        change = _replace(target, files)
+        has_enabled = _switch_on(root)
+    except OSError as error:
+        raise SetupError(
+            f"the add-on could not be installed in {root}: {error}",
+            hint="the project folder must be writable, and the disk not full",
+        ) from error
+    return replace(change, has_enabled_plugin=has_enabled)
+
+
+def _godot4_root(path: Path) -> Path:
+    project = find_project(path)
+    if project.engine_kind is not EngineKind.GODOT4:
+        raise TargetError(
+            f"{project.root} is a {project.engine_kind.traits.label} project; the add-on is for "
+            "Godot 4",
+            hint="copy engines/godot3/addons/ludus into a Godot 3 project by hand",
+        )
+    return project.root
+
+
+def _survey(target: Path) -> _Files:
+    files = _Files(_hashes(_bundled_addon()), _hashes(target))
+    try:
+        data: Any = json.loads((target / MANIFEST_NAME).read_text(encoding="utf-8"))
+        files.recorded = {str(name): str(sha) for name, sha in data["files"].items()}
+        files.version = str(cast("dict[str, Any]", data)["version"])
+    except FileNotFoundError:
+        pass
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        _log.warning("ignoring %s: %r", target / MANIFEST_NAME, error)
+    return files
+
+
+def _bundled_addon() -> Path:
+    source = bundled_root() / ADDON_PATH
+    if not (source / "plugin.cfg").is_file():
+        raise SetupError(
+            f"this installation of Ludus lacks its add-on ({source / 'plugin.cfg'})",
+            hint="install Ludus again: pip install --force-reinstall ludus-rl",
+        )
+    return source
+
+
+def _hashes(folder: Path) -> dict[str, str]:
+    """Hash every file; line ends do not count, because git may convert them."""
+    found: dict[str, str] = {}
+    for file in sorted(folder.rglob("*")):
+        name = file.relative_to(folder).as_posix()
+        if file.is_file() and name != MANIFEST_NAME and ".godot" not in file.parts:
+            content = file.read_bytes().replace(b"\r\n", b"\n")
+            found[name] = hashlib.sha256(content).hexdigest()
+    return found
+
+
+def _refuse_what_cannot_be_replaced(target: Path, files: _Files, *, force: bool) -> None:
+    is_bundled = target.resolve() == _bundled_addon().resolve()
+    if target.is_symlink() and not is_bundled:
+        raise ConfigError(
+            f"{target} is a link to {target.resolve()}", hint="remove the link, then try again"
+        )
+    changed = files.changed()
+    if changed and not force:
+        rows = "\n".join(f"  {ADDON_PATH}/{name}" for name in changed)
+        raise ConfigError(
+            f"these files of the add-on were changed by hand:\n{rows}",
+            hint="use --force to overwrite them, or move your changes out of the add-on",
+        )
+
+
+def _replace(target: Path, files: _Files) -> AddonChange:
+    version = package_version()
+    new, old = files.bundled, files.present
+    gone = [name for name in files.recorded if name in old and name not in new]
+    change = AddonChange(
+        version_before=files.version,
+        version_after=version,
+        added=tuple(sorted(new.keys() - old.keys())),
+        updated=tuple(sorted(name for name in new.keys() & old.keys() if new[name] != old[name])),
+        removed=tuple(sorted(gone)),
+    )
+    is_bundled = target.resolve() == _bundled_addon().resolve()
+    is_same = files.recorded == new and files.version == version
+    if not is_bundled and not (is_same and not change.added and not change.updated):
+        _swap_in(target, files, version)
+    return change
+
+
+def _swap_in(target: Path, files: _Files, version: str) -> None:
+    """Prepare the new folder beside the old one, then let it take its place."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    incoming = Path(tempfile.mkdtemp(prefix=".ludus-", dir=target.parent))
+    try:
+        prepared, old = incoming / "new", incoming / "old"
+        _prepare(prepared, target, files, version)
+        if target.exists():
+            target.rename(old)
+        try:
+            prepared.rename(target)
+        except OSError:
+            if old.exists():
+                old.rename(target)
+            raise
+    finally:
+        shutil.rmtree(incoming, ignore_errors=True)
+
+
+def _prepare(prepared: Path, target: Path, files: _Files, version: str) -> None:
+    source = _bundled_addon()
+    for name in files.bundled:
+        _copy_file(source / name, prepared / name)
+    for name in files.own():
+        _copy_file(target / name, prepared / name)
+    manifest = {"version": version, "files": files.bundled}
+    text = json.dumps(manifest, indent=2, sort_keys=True) + "\n"
+    (prepared / MANIFEST_NAME).write_text(text, encoding="utf-8")
+
+
+def _copy_file(source: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(source, target)
+
+
+def _read_project_file(root: Path) -> str:
+    with (root / PROJECT_FILE).open(encoding="utf-8", newline="") as file:
+        return file.read()
+
+
+def _switch_on(root: Path) -> bool:
+    text = _read_project_file(root)
+    enabled = add_to_string_array(text, _ENABLED_KEY, PLUGIN)
+    if enabled == text:
+        return False
+    file = root / PROJECT_FILE
+    temporary = file.with_name(f".{PROJECT_FILE}.{os.getpid()}")
+    try:
+        shutil.copymode(file, _written(temporary, enabled))
+        temporary.replace(file)
+    finally:
+        temporary.unlink(missing_ok=True)
+    return True
+
+
+def _written(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8", newline="")
+    return path

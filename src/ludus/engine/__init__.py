@@ -1,0 +1,60 @@
+"""Find, install, launch, pin and supervise game engines.
+
+This layer knows processes and projects on disk; it knows nothing of observations or frames.
+"""
+
+from ludus.engine.affinity import CorePlan, allowed_cores, pin_current_process, plan_cores
+from ludus.engine.doctor import Finding, FindingStatus, doctor
+from ludus.engine.find import (
+    EngineSearch,
+    InstalledEngine,
+    find_engine,
+    list_engines,
+    search_engines,
+)
+from ludus.engine.importing import ensure_imported, needs_import
+from ludus.engine.install import install_engine
+from ludus.engine.kinds import EngineKind
+from ludus.engine.launch import (
+    GodotFlags,
+    LaunchConfig,
+    executable_command,
+    godot_command,
+    with_display,
+)
+from ludus.engine.process import EngineProcess, terminate_all
+from ludus.engine.project import Project, find_project, read_project, scene_path
+from ludus.engine.target import Target, TargetKind, resolve_target
+
+__all__ = [
+    "CorePlan",
+    "EngineKind",
+    "EngineProcess",
+    "EngineSearch",
+    "Finding",
+    "FindingStatus",
+    "GodotFlags",
+    "InstalledEngine",
+    "LaunchConfig",
+    "Project",
+    "Target",
+    "TargetKind",
+    "allowed_cores",
+    "doctor",
+    "ensure_imported",
+    "executable_command",
+    "find_engine",
+    "find_project",
+    "godot_command",
+    "install_engine",
+    "list_engines",
+    "needs_import",
+    "pin_current_process",
+    "plan_cores",
+    "read_project",
+    "resolve_target",
+    "scene_path",
+    "search_engines",
+    "terminate_all",
+    "with_display",
+]

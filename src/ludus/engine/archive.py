@@ -1,0 +1,49 @@
+"""Unpack a zip archive without letting it write outside the folder."""
+
+from __future__ import annotations
+
+import shutil
+import stat
+import zipfile
+from pathlib import Path, PurePosixPath
+
+from ludus.errors import SetupError
+
+__all__ = ["unpack_zip"]
+
+
+def unpack_zip(archive: Path, folder: Path) -> None:
+    """Unpack ``archive`` into ``folder``, keeping the executable bits.
+
+    Raises:
+        SetupError: It is no zip archive, is damaged, or has an entry that leaves the folder.
+        OSError: The disk is full, or the folder not writable.
+    """
+    try:
+        with zipfile.ZipFile(archive) as opened:
+            for entry in opened.infolist():
+                _unpack_entry(opened, entry, folder)
+    except (zipfile.BadZipFile, EOFError) as error:
+        raise SetupError(f"{archive.name} is not a sound zip archive: {error}") from error
+
+
+def _unpack_entry(opened: zipfile.ZipFile, entry: zipfile.ZipInfo, folder: Path) -> None:
+    target = folder.joinpath(*_safe_parts(entry))
+    if entry.is_dir():
+        target.mkdir(parents=True, exist_ok=True)
+        return
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with opened.open(entry) as source, target.open("wb") as file:
+        shutil.copyfileobj(source, file, 1 << 20)
+    mode = entry.external_attr >> 16
+    if mode & 0o111:
+        target.chmod(0o755)
+
+
+def _safe_parts(entry: zipfile.ZipInfo) -> tuple[str, ...]:
+    path = PurePosixPath(entry.filename.replace("\\", "/"))
+    is_link = stat.S_ISLNK(entry.external_attr >> 16)
+    has_drive = any(":" in part for part in path.parts)
+    if path.is_absolute() or ".." in path.parts or has_drive or is_link:
+        raise SetupError(f"the archive has an entry that leaves its folder: {entry.filename!r}")
+    return path.parts

@@ -1,0 +1,171 @@
+"""Read ``project.godot`` without an engine.
+
+The file has ``[section]`` lines and ``key=value`` entries whose values are GDScript literals;
+a value may go over several lines. Only what Ludus asks for is interpreted; everything else
+keeps its text and its place, so that a value can be replaced and the rest stays as it is.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+__all__ = ["ConfigEntry", "ConfigFile", "add_to_string_array", "parse_config", "parse_string"]
+
+_ESCAPES = {"n": "\n", "t": "\t", "r": "\r"}
+_QUOTED = re.compile(r'"((?:[^"\\]|\\.)*)"', re.DOTALL)
+
+
+@dataclass(frozen=True)
+class ConfigEntry:
+    """One ``key=value``.
+
+    Attributes:
+        value: Text of the value as it stands in the file.
+        start: Offset of the value.
+        end: Offset after the value.
+    """
+
+    value: str
+    start: int
+    end: int
+
+
+@dataclass
+class ConfigFile:
+    """A parsed file.
+
+    Attributes:
+        text: The whole file.
+        entries: Entries by ``section/key``; the first section is ``""``, so the key
+            ``config_version`` there is ``/config_version``.
+        section_ends: Per section, the offset where the next entry would go.
+    """
+
+    text: str
+    entries: dict[str, ConfigEntry] = field(default_factory=dict[str, ConfigEntry])
+    section_ends: dict[str, int] = field(default_factory=dict[str, int])
+
+    def string(self, key: str) -> str | None:
+        """Return a string value, or None if the key is missing or something else."""
+        entry = self.entries.get(key)
+        return None if entry is None else parse_string(entry.value)
+
+    def integer(self, key: str) -> int | None:
+        """Return a whole number, or None if the key is missing or something else."""
+        entry = self.entries.get(key)
+        if entry is None:
+            return None
+        try:
+            return int(entry.value)
+        except ValueError:
+            return None
+
+    def strings(self, key: str) -> list[str]:
+        """Return every quoted string in a value: the elements of a string array."""
+        entry = self.entries.get(key)
+        return [] if entry is None else [_unescape(text) for text in _QUOTED.findall(entry.value)]
+
+
+def parse_config(text: str) -> ConfigFile:
+    """Parse ``project.godot``; lines that make no sense are skipped."""
+    parsed = ConfigFile(text)
+    section, offset = "", 0
+    parsed.section_ends[section] = 0
+    while offset < len(text):
+        line_end = _line_end(text, offset)
+        line = text[offset:line_end].strip()
+        if line.startswith("[") and line.endswith("]"):
+            section = line[1:-1]
+            parsed.section_ends[section] = line_end
+        elif "=" in line and not line.startswith((";", "#")):
+            line_end = _add_entry(parsed, section, offset)
+            parsed.section_ends[section] = line_end
+        offset = line_end + 1
+    return parsed
+
+
+def parse_string(value: str) -> str | None:
+    """Decode a quoted string, or return None if it is something else."""
+    match = _QUOTED.fullmatch(value.strip().removeprefix("&"))
+    return None if match is None else _unescape(match[1])
+
+
+def add_to_string_array(text: str, key: str, value: str) -> str:
+    """Return the text of a file with one more string in a ``PackedStringArray``.
+
+    Everything else keeps its text and its place. Key and section are made where missing; if
+    the string is in there already, the text is returned unchanged.
+
+    Args:
+        text: The whole file.
+        key: ``section/key`` of the array.
+        value: String to add.
+    """
+    parsed = parse_config(text)
+    strings = parsed.strings(key)
+    if value in strings:
+        return text
+    array = f"PackedStringArray({', '.join(_quote(item) for item in [*strings, value])})"
+    entry = parsed.entries.get(key)
+    if entry is not None:
+        return text[: entry.start] + array + text[entry.end :]
+    section, _, name = key.partition("/")
+    return _with_new_entry(parsed, section, f"{name}={array}")
+
+
+def _with_new_entry(parsed: ConfigFile, section: str, line: str) -> str:
+    text = parsed.text
+    newline = "\r\n" if "\r\n" in text else "\n"
+    end = parsed.section_ends.get(section)
+    if end is None:
+        body = text.rstrip("\r\n")
+        return f"{body}{newline}{newline}[{section}]{newline}{newline}{line}{newline}"
+    lead = text[:end].removesuffix("\r")
+    return f"{lead}{newline}{line}{text[len(lead) :] or newline}"
+
+
+def _quote(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
+
+
+def _unescape(text: str) -> str:
+    return re.sub(r"\\(.)", lambda match: _ESCAPES.get(match[1], match[1]), text, flags=re.DOTALL)
+
+
+def _line_end(text: str, offset: int) -> int:
+    end = text.find("\n", offset)
+    return len(text) if end < 0 else end
+
+
+def _add_entry(parsed: ConfigFile, section: str, offset: int) -> int:
+    """Add the entry that starts at ``offset``; return where its last line ends."""
+    equals = parsed.text.index("=", offset)
+    key = parsed.text[offset:equals].strip().strip('"')
+    end = _value_end(parsed.text, equals + 1)
+    raw = parsed.text[equals + 1 : end]
+    start = equals + 1 + len(raw) - len(raw.lstrip())
+    parsed.entries[f"{section}/{key}"] = ConfigEntry(raw.strip(), start, start + len(raw.strip()))
+    return end
+
+
+def _value_end(text: str, offset: int) -> int:
+    """Find the line end that is outside of strings and brackets."""
+    depth, in_string = 0, False
+    position = offset
+    while position < len(text):
+        character = text[position]
+        if in_string:
+            position += character == "\\"
+            in_string = character != '"'
+        elif character == '"':
+            in_string = True
+        elif character in "([{":
+            depth += 1
+        elif character in ")]}":
+            depth -= 1
+        elif character == "\n" and depth <= 0:
+            return position
+        position += 1
+    return len(text)

@@ -1,0 +1,144 @@
+"""Look at the machine, and say what is there and what is missing."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import os
+import platform
+import shutil
+import socket
+import sys
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from ludus.engine.affinity import allowed_cores
+from ludus.engine.cache import cache_root, cached_records
+from ludus.engine.find import search_engines
+from ludus.engine.kinds import EngineKind
+from ludus.engine.version import show_version
+
+__all__ = ["Finding", "FindingStatus", "doctor"]
+
+
+class FindingStatus(StrEnum):
+    """How good a finding is."""
+
+    OK = "ok"
+    WARN = "warn"
+    FAIL = "fail"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at.
+
+    Attributes:
+        name: What was looked at.
+        status: ``warn`` limits what can be done; ``fail`` prevents running anything.
+        detail: What was found.
+        hint: What to do about it, if anything.
+    """
+
+    name: str
+    status: FindingStatus
+    detail: str
+    hint: str = ""
+
+
+def doctor() -> list[Finding]:
+    """Examine this machine; nothing is changed, started (but ``--version``) or downloaded."""
+    return [
+        _python(),
+        _engine(EngineKind.GODOT4, FindingStatus.FAIL),
+        _engine(EngineKind.GODOT3, FindingStatus.WARN),
+        _cache(),
+        _cores(),
+        _local_sockets(),
+        _screen(),
+        _torch(),
+        _cuda(),
+    ]
+
+
+def _python() -> Finding:
+    detail = f"{platform.python_version()} on {platform.platform()}"
+    return Finding("python", FindingStatus.OK, detail)
+
+
+def _engine(kind: EngineKind, if_missing: FindingStatus) -> Finding:
+    search = search_engines(kind)
+    if not search.found:
+        detail = "; ".join(search.notes)
+        return Finding(str(kind), if_missing, detail, hint=f"ludus engine install {kind}")
+    rows = [f"{show_version(e.version)} {e.path} [{e.source}]" for e in search.found]
+    return Finding(str(kind), FindingStatus.OK, "; ".join(rows))
+
+
+def _cache() -> Finding:
+    root = cache_root()
+    if root is None:
+        hint = 'pip install "ludus-rl[engine]"'
+        return Finding("cache", FindingStatus.WARN, "platformdirs is not installed", hint)
+    if not os.access(_first_existing(root), os.W_OK):
+        hint = f"make {root} writable"
+        return Finding("cache", FindingStatus.WARN, f"{root} cannot be written", hint)
+    free_gb = shutil.disk_usage(_first_existing(root)).free / 1e9
+    status = FindingStatus.OK if free_gb > 2 else FindingStatus.WARN
+    return Finding("cache", status, f"{root}, {free_gb:.0f} GB free")
+
+
+def _first_existing(path: Path) -> Path:
+    return next(folder for folder in (path, *path.parents) if folder.exists())
+
+
+def _cores() -> Finding:
+    cores = allowed_cores()
+    if cores is None:
+        detail = f"{os.cpu_count()} cores; engines cannot be pinned on {sys.platform}"
+        return Finding("cores", FindingStatus.WARN, detail, "several engines run faster on Linux")
+    detail = f"{len(cores)} of {os.cpu_count()} cores may be used; engines are pinned"
+    return Finding("cores", FindingStatus.OK, detail)
+
+
+def _local_sockets() -> Finding:
+    if hasattr(socket, "AF_UNIX"):
+        return Finding("sockets", FindingStatus.OK, "Unix domain sockets and TCP")
+    return Finding("sockets", FindingStatus.OK, "TCP (no Unix domain sockets here)")
+
+
+def _screen() -> Finding:
+    if sys.platform != "linux":
+        return Finding("screen", FindingStatus.OK, "the system's own")
+    name = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if name:
+        return Finding("screen", FindingStatus.OK, f"display {name}")
+    if shutil.which("xvfb-run") is None:
+        hint = "for camera observations: apt install xvfb xauth"
+        return Finding("screen", FindingStatus.WARN, "no display and no xvfb-run", hint)
+    return _software_renderer()
+
+
+def _software_renderer() -> Finding:
+    records = [record for _, record in cached_records(EngineKind.GODOT4)]
+    if records and not any(record.has_rendering for record in records):
+        hint = "for camera observations: ludus engine install godot4 --rendering"
+        detail = "xvfb-run, but the engine in the cache came without a renderer"
+        return Finding("screen", FindingStatus.WARN, detail, hint)
+    return Finding("screen", FindingStatus.OK, "virtual, by xvfb-run")
+
+
+def _torch() -> Finding:
+    if importlib.util.find_spec("torch") is None:
+        hint = 'for training: pip install "ludus-rl[train]"'
+        return Finding("torch", FindingStatus.WARN, "not installed", hint)
+    version = importlib.metadata.version("torch")
+    return Finding("torch", FindingStatus.OK, version)
+
+
+def _cuda() -> Finding:
+    driver = shutil.which("nvidia-smi") or next(Path("/dev").glob("nvidia[0-9]*"), None)
+    if driver is None:
+        return Finding("cuda", FindingStatus.OK, "no NVIDIA device; the CPU serves small networks")
+    return Finding("cuda", FindingStatus.OK, f"NVIDIA driver present ({driver})")

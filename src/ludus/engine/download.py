@@ -1,0 +1,86 @@
+"""Download one file over HTTP and check its SHA-512."""
+
+from __future__ import annotations
+
+import hashlib
+import http.client
+import socket
+import urllib.parse
+import urllib.request
+from pathlib import Path
+from typing import IO
+
+from ludus.engine.routes import Progress, RouteUnavailable
+from ludus.errors import SetupError
+
+__all__ = ["CONNECT_TIMEOUT_S", "download"]
+
+CONNECT_TIMEOUT_S = 5.0
+READ_TIMEOUT_S = 30.0
+
+_CHUNK_BYTES = 1 << 20
+_MAX_BYTES = 1 << 30
+
+
+def download(url: str, into: Path, sha512: str, progress: Progress) -> None:
+    """Fetch ``url`` into the file ``into``.
+
+    Raises:
+        RouteUnavailable: The server cannot be reached.
+        SetupError: The transfer broke off, or the file is not the expected one.
+    """
+    try:
+        response = _connect(url)
+    except (OSError, http.client.HTTPException) as error:
+        raise RouteUnavailable(f"{_host(url)} cannot be reached: {error}") from error
+    name = into.name
+    with response, into.open("wb") as file:
+        try:
+            digest = _copy(response, file, name, progress)
+        except (TimeoutError, ConnectionError, http.client.HTTPException) as error:
+            raise SetupError(
+                f"the download of {url} broke off: {error}", hint="try again"
+            ) from error
+    if digest != sha512:
+        raise SetupError(
+            f"{name} is damaged: SHA-512 should be {sha512[:16]}…, is {digest[:16]}…",
+            hint="try again; if it stays, something between here and the server alters downloads",
+        )
+
+
+def _connect(url: str) -> http.client.HTTPResponse:
+    response = urllib.request.urlopen(url, timeout=CONNECT_TIMEOUT_S)
+    _set_read_timeout(response)
+    return response
+
+
+def _set_read_timeout(response: http.client.HTTPResponse) -> None:
+    """Allow slow servers more time between two reads than for the connection."""
+    raw = getattr(response.fp, "raw", None)
+    connection = getattr(raw, "_sock", None)
+    if isinstance(connection, socket.socket):
+        connection.settimeout(READ_TIMEOUT_S)
+
+
+def _host(url: str) -> str:
+    return urllib.parse.urlsplit(url).netloc
+
+
+def _copy(
+    response: http.client.HTTPResponse, file: IO[bytes], name: str, progress: Progress
+) -> str:
+    total = int(response.headers.get("Content-Length") or 0)
+    if total > _MAX_BYTES:
+        raise SetupError(f"{name} claims {total} bytes, more than any engine has")
+    digest = hashlib.sha512()
+    done = 0
+    while chunk := response.read(_CHUNK_BYTES):
+        file.write(chunk)
+        digest.update(chunk)
+        done += len(chunk)
+        if done > _MAX_BYTES:
+            raise SetupError(f"{name} has more than {_MAX_BYTES} bytes, more than any engine")
+        progress(f"download {name}", done / total if total else None)
+    if done < total:
+        raise http.client.IncompleteRead(b"", total - done)
+    return digest.hexdigest()

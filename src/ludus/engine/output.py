@@ -1,0 +1,115 @@
+"""Drain what a process writes, so that it never blocks, and keep the last lines."""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+from collections import deque
+from pathlib import Path
+from typing import IO
+
+__all__ = ["ERROR_MARKS", "OutputDrain", "mark_errors"]
+
+ERROR_MARKS = ("SCRIPT ERROR", "ERROR:", "Parse Error", "USER ERROR", "panicked at", "Traceback")
+MAX_LINE_BYTES = 4000
+
+_READ_BYTES = 1 << 16
+_log = logging.getLogger(__name__)
+
+
+class OutputDrain:
+    """A daemon thread that reads a pipe until its end.
+
+    Args:
+        pipe: Read end; the drain closes it.
+        num_last_lines: How many lines to keep.
+        log_path: File that gets a copy; a full disk ends the copy, not the draining.
+    """
+
+    def __init__(self, pipe: IO[bytes], num_last_lines: int, log_path: Path | None) -> None:
+        self._pipe = pipe
+        self._lines: deque[str] = deque(maxlen=num_last_lines)
+        self._partial = b""
+        self._has_script_error = False
+        self._lock = threading.Lock()
+        self._log_file = None if log_path is None else _open_log(log_path)
+        self._thread = threading.Thread(target=self._run, name="ludus-output", daemon=True)
+        self._thread.start()
+
+    def last_lines(self, count: int | None = None) -> list[str]:
+        """Return the newest lines, oldest first; an unfinished line counts."""
+        with self._lock:
+            lines = list(self._lines)
+            if self._partial:
+                lines.append(_decode(self._partial))
+        return lines if count is None else lines[max(0, len(lines) - count) :]
+
+    def script_errors(self) -> list[str]:
+        """Return what the game's scripts did wrong, as the engine printed it; cheap if nothing."""
+        if not self._has_script_error:
+            return []
+        marked = mark_errors(self.last_lines())
+        return [line[4:] for line in marked if line.startswith("  !")]
+
+    def join(self, timeout_s: float) -> None:
+        """Wait until everything written has been read."""
+        self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        with self._pipe:
+            while chunk := self._read():
+                self._copy_to_log(chunk)
+                with self._lock:
+                    self._add(chunk)
+        self._close_log()
+
+    def _read(self) -> bytes:
+        try:
+            return os.read(self._pipe.fileno(), _READ_BYTES)
+        except (OSError, ValueError):
+            return b""
+
+    def _add(self, chunk: bytes) -> None:
+        *finished, rest = (self._partial + chunk).split(b"\n")
+        self._has_script_error |= b"SCRIPT ERROR" in self._partial + chunk
+        self._lines.extend(_decode(line) for line in finished)
+        self._partial = rest[-MAX_LINE_BYTES:]
+
+    def _copy_to_log(self, chunk: bytes) -> None:
+        if self._log_file is None:
+            return
+        try:
+            self._log_file.write(chunk)
+        except OSError as error:
+            _log.warning("the engine's log is cut off here: %s", error)
+            self._close_log()
+
+    def _close_log(self) -> None:
+        log_file, self._log_file = self._log_file, None
+        if log_file is not None:
+            log_file.close()
+
+
+def mark_errors(lines: list[str]) -> list[str]:
+    """Put ``!`` before lines that report a mistake (and where it is), ``|`` before the others."""
+    marked: list[str] = []
+    is_error = False
+    for line in lines:
+        goes_on = is_error and line.lstrip().startswith(("at:", "GDScript backtrace", "["))
+        is_error = goes_on or any(mark in line for mark in ERROR_MARKS)
+        marked.append(f"  {'!' if is_error else '|'} {line}")
+    return marked
+
+
+def _open_log(path: Path) -> IO[bytes] | None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return path.open("ab", buffering=0)
+    except OSError as error:
+        _log.warning("the engine's log cannot be written: %s", error)
+        return None
+
+
+def _decode(line: bytes) -> str:
+    return line[:MAX_LINE_BYTES].decode(errors="replace").rstrip("\r")

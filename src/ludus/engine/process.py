@@ -1,0 +1,155 @@
+"""Run one game process: start it pinned, drain its output, end it and all it started."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import signal
+import weakref
+from types import TracebackType
+
+from ludus.engine.affinity import pinned_to
+from ludus.engine.launch import LaunchConfig
+from ludus.engine.output import OutputDrain, mark_errors
+from ludus.engine.process_group import ProcessGroup
+from ludus.errors import EngineStartError
+
+__all__ = ["EngineProcess", "terminate_all"]
+
+NUM_SHOWN_LINES = 20
+
+_DRAIN_TIMEOUT_S = 1.0
+_running: weakref.WeakSet[EngineProcess] = weakref.WeakSet()
+
+
+class EngineProcess:
+    """A running game.
+
+    It is ended by `terminate`, by leaving the ``with`` block, when the object is collected,
+    and when Python exits, whichever comes first. A SIGTERM ends Python without all this; who
+    installs a handler for it calls `terminate_all` there.
+
+    A forked copy may look, but ends nothing.
+    """
+
+    def __init__(self, config: LaunchConfig, group: ProcessGroup, output: OutputDrain) -> None:
+        self._config = config
+        self._group = group
+        self._output = output
+        self._finalizer = weakref.finalize(self, group.terminate, config.grace_s)
+        _running.add(self)
+
+    @classmethod
+    def start(cls, config: LaunchConfig) -> EngineProcess:
+        """Start a process.
+
+        Raises:
+            EngineStartError: The program is missing or cannot be executed.
+            ConfigError: It cannot be pinned to the cores asked for.
+        """
+        env = {**os.environ, **config.env}
+        try:
+            with pinned_to(config.cores):
+                group = ProcessGroup(config.command, env, config.folder)
+        except (OSError, ValueError) as error:
+            raise EngineStartError(
+                f"the engine cannot be started: {error}\ncommand: {shlex.join(config.command)}",
+                hint="check that the program exists and is executable (ludus doctor)",
+            ) from error
+        pipe = group.popen.stdout
+        assert pipe is not None
+        return cls(config, group, OutputDrain(pipe, config.num_last_lines, config.log_path))
+
+    @property
+    def config(self) -> LaunchConfig:
+        """What was started."""
+        return self._config
+
+    @property
+    def pid(self) -> int:
+        """Process id of the engine."""
+        return self._group.pid
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the process still runs."""
+        return self.poll() is None
+
+    @property
+    def exit_code(self) -> int | None:
+        """Exit code, negative for a signal; None while it runs."""
+        return self.poll()
+
+    def poll(self) -> int | None:
+        """Return the exit code, negative for a signal, or None while it runs."""
+        return self._group.poll()
+
+    def wait(self, timeout_s: float) -> int | None:
+        """Wait for the end; return the exit code, or None if it still runs."""
+        return self._group.wait(timeout_s)
+
+    def last_lines(self, count: int | None = None) -> list[str]:
+        """Return the newest lines the process wrote, oldest first."""
+        return self._output.last_lines(count)
+
+    @property
+    def script_errors(self) -> list[str]:
+        """What the game's scripts did wrong, as the engine printed it; cheap if nothing."""
+        return self._output.script_errors()
+
+    def describe_death(self) -> str:
+        """Say how the process ended, with its command line and its last words.
+
+        Lines that report a mistake are marked by ``!``, and shown even if other lines followed.
+        """
+        if self.poll() is not None:
+            self._output.join(_DRAIN_TIMEOUT_S)
+        lines = [_describe_exit(self.poll()), f"command: {shlex.join(self._config.command)}"]
+        return "\n".join([*lines, *self._report()])
+
+    def _report(self) -> list[str]:
+        marked = mark_errors(self.last_lines())
+        last, earlier = marked[-NUM_SHOWN_LINES:], marked[:-NUM_SHOWN_LINES]
+        errors = [line for line in earlier if line.startswith("  !")][-NUM_SHOWN_LINES:]
+        report = ["errors it reported before:", *errors] if errors else []
+        return [*report, "last lines of its output:", *(last or ["  (none)"])]
+
+    def terminate(self) -> None:
+        """End the process and all it started; politely, then by force. Harmless if repeated."""
+        self._group.terminate(self._config.grace_s)
+        if self._group.is_ours:
+            self._finalizer.detach()
+            self._output.join(_DRAIN_TIMEOUT_S)
+            _running.discard(self)
+
+    def __enter__(self) -> EngineProcess:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.terminate()
+
+    def __repr__(self) -> str:
+        return f"<EngineProcess {self.pid} {_describe_exit(self.poll())}>"
+
+
+def terminate_all() -> None:
+    """End every process that this process started; for signal handlers of programs."""
+    for process in list(_running):
+        process.terminate()
+
+
+def _describe_exit(code: int | None) -> str:
+    if code is None:
+        return "the process is still running"
+    if code >= 0:
+        return f"the process ended with exit code {code}"
+    try:
+        name = signal.Signals(-code).name
+    except ValueError:
+        name = f"signal {-code}"
+    return f"the process was killed by {name}"

@@ -1,0 +1,140 @@
+"""Start a process with a group of its own, and end the whole group.
+
+On POSIX the group is a session; a process that leaves it on purpose (``setsid``) is not
+followed. On Windows the tree of child processes is ended by ``taskkill``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+__all__ = ["ProcessGroup"]
+
+_POLL_S = 0.005
+_REST_GRACE_S = 0.5
+
+
+class ProcessGroup:
+    """A started process and everything it starts.
+
+    Only the process that created this object may end it; in a forked copy `terminate` does
+    nothing. All methods may be called from any thread and from a signal handler.
+
+    Args:
+        command: Program and arguments.
+        env: Complete environment.
+        folder: Working folder.
+
+    Raises:
+        OSError: The program cannot be started.
+    """
+
+    def __init__(self, command: Sequence[str], env: Mapping[str, str], folder: Path | None) -> None:
+        self._creator_pid = os.getpid()
+        self._lock = threading.RLock()
+        self._is_ending = False
+        self.popen: subprocess.Popen[bytes] = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            cwd=folder,
+            env=env,
+            bufsize=0,
+            start_new_session=sys.platform != "win32",
+            creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
+        )
+
+    @property
+    def pid(self) -> int:
+        """Id of the process that was started."""
+        return self.popen.pid
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether the calling process created this one."""
+        return os.getpid() == self._creator_pid
+
+    def poll(self) -> int | None:
+        """Return the exit code (negative: the signal), or None while it runs.
+
+        When the process is found dead without having been told to end, the rest of its group
+        is killed.
+        """
+        if not self.is_ours:
+            return self.popen.returncode
+        with self._lock:
+            if self.popen.returncode is None and self._has_exited():
+                if not self._is_ending:
+                    self._signal_group(_KILL)
+                self.popen.wait()
+            return self.popen.returncode
+
+    def wait(self, timeout_s: float) -> int | None:
+        """Wait for the end; return the exit code, or None if it still runs."""
+        deadline = time.monotonic() + timeout_s
+        while (code := self.poll()) is None and time.monotonic() < deadline:
+            time.sleep(_POLL_S)
+        return code
+
+    def terminate(self, grace_s: float) -> None:
+        """End the group: politely, then by force after ``grace_s`` seconds."""
+        if not self.is_ours or self.poll() is not None:
+            return
+        self._is_ending = True
+        self._signal_group(signal.SIGTERM)
+        if self.wait(grace_s) is not None and self._is_group_gone(_REST_GRACE_S):
+            return
+        self._signal_group(_KILL)
+        self.wait(grace_s + 5.0)
+
+    def _is_group_gone(self, timeout_s: float) -> bool:
+        """Wait for what the process had started to tidy up (Xvfb removes its lock file)."""
+        if sys.platform == "win32":
+            return True
+        deadline = time.monotonic() + timeout_s
+        while time.monotonic() < deadline:
+            try:
+                os.killpg(self.pid, 0)
+            except (ProcessLookupError, PermissionError):
+                return True
+            time.sleep(_POLL_S)
+        return False
+
+    def _has_exited(self) -> bool:
+        """Look without reaping, so that the group's id cannot be given to somebody else."""
+        if sys.platform == "win32" or not hasattr(os, "waitid"):
+            return self.popen.poll() is not None
+        options = os.WEXITED | os.WNOHANG | os.WNOWAIT
+        try:
+            return os.waitid(os.P_PID, self.pid, options) is not None
+        except ChildProcessError:
+            return True
+
+    def _signal_group(self, number: int) -> None:
+        if sys.platform == "win32":
+            _taskkill(self.pid)
+            return
+        # An empty group is no error; macOS reports it as a lack of permission.
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.pid, number)
+
+
+_KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
+
+
+def _taskkill(pid: int) -> None:
+    subprocess.run(
+        ["taskkill", "/F", "/T", "/PID", str(pid)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        check=False,
+    )

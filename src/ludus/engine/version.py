@@ -1,0 +1,66 @@
+"""Ask a Godot executable for its version."""
+
+from __future__ import annotations
+
+import logging
+import re
+import subprocess
+from functools import lru_cache
+from pathlib import Path
+
+from ludus.engine.kinds import Version
+
+__all__ = ["VERSION_TIMEOUT_S", "ask_version", "parse_version", "show_version"]
+
+VERSION_TIMEOUT_S = 20.0
+
+_VERSION_LINE = re.compile(r"^\s*(\d+(?:\.\d+)+)\.[a-z]\S*", re.MULTILINE)
+
+_log = logging.getLogger(__name__)
+
+
+def parse_version(text: str) -> tuple[Version, str] | None:
+    """Find a Godot version such as ``4.6.3.stable.official.abc`` in what ``--version`` printed.
+
+    Returns:
+        The numbers and the whole version text, or None if there is no such line.
+    """
+    match = _VERSION_LINE.search(text)
+    if match is None:
+        return None
+    return tuple(int(part) for part in match[1].split(".")), match[0].strip()
+
+
+def show_version(version: Version) -> str:
+    """Write a version the way people do: ``4.6.3``."""
+    return ".".join(str(part) for part in version)
+
+
+def ask_version(path: Path) -> tuple[Version, str] | None:
+    """Run ``path --version``; remember the answer while the file does not change.
+
+    Returns:
+        The numbers and the version text; None if the file did not answer like a Godot.
+    """
+    try:
+        changed_ns = path.stat().st_mtime_ns
+    except OSError:
+        return None
+    return _ask_version(path, changed_ns)
+
+
+@lru_cache(maxsize=64)
+def _ask_version(path: Path, _changed_ns: int) -> tuple[Version, str] | None:
+    try:
+        done = subprocess.run(
+            [str(path), "--version"],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            timeout=VERSION_TIMEOUT_S,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        _log.debug("%s --version failed: %s", path, error)
+        return None
+    return parse_version(done.stdout.decode(errors="replace"))
