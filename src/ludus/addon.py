@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from ludus.engine.bundled import bundled_root, package_version
-from ludus.engine.config_file import add_to_string_array, parse_config
+from ludus.engine.config_file import add_string, add_to_string_array, parse_config
 from ludus.engine.kinds import EngineKind
 from ludus.engine.project import PROJECT_FILE, find_project
 from ludus.errors import ConfigError, SetupError, TargetError
@@ -35,8 +35,10 @@ __all__ = [
 ADDON_PATH = "addons/ludus"
 MANIFEST_NAME = ".ludus_manifest.json"
 PLUGIN = "res://addons/ludus/plugin.cfg"
+BRIDGE = "res://addons/ludus/ludus_bridge.gd"
 
 _ENABLED_KEY = "editor_plugins/enabled"
+_AUTOLOAD_KEY = "autoload/Ludus"
 _log = logging.getLogger(__name__)
 
 
@@ -275,6 +277,7 @@ def _read_project_file(root: Path) -> str:
 def _switch_on(root: Path) -> bool:
     text = _read_project_file(root)
     enabled = add_to_string_array(text, _ENABLED_KEY, PLUGIN)
+    enabled = add_string(enabled, _AUTOLOAD_KEY, f"*{BRIDGE}")
     if enabled == text:
         return False
     file = root / PROJECT_FILE

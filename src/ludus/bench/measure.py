@@ -48,6 +48,15 @@ class BenchConfig:
     seed: int = 0
 
 
+@dataclass(frozen=True)
+class _SingleWorld:
+    """Round trip, memory and sizes of request and answer of one engine with one world."""
+
+    round_trip_us: float
+    resident_bytes: int | None
+    frame_bytes: tuple[int, int]
+
+
 Actions = list[dict[str, ActionBatch]]
 
 
@@ -65,20 +74,19 @@ def bench(
         EngineError: An engine failed.
     """
     report_progress("one world: round trips")
-    round_trip_us, single_rss, sizes = _measure_single(config)
+    single = _measure_single(config)
     report_progress("bare socket echo")
-    echo_us = _measure_echo(config, sizes)
+    echo_us = _measure_echo(config, single.frame_bytes)
     with open_pool(config.target, config.pool) as pool:
-        return _measure_pool(config, pool, report_progress, round_trip_us, echo_us, single_rss)
+        return _measure_pool(config, pool, single, echo_us, report_progress)
 
 
 def _measure_pool(
     config: BenchConfig,
     pool: EnginePool,
-    report_progress: Callable[[str], None],
-    round_trip_us: float,
+    single: _SingleWorld,
     echo_us: float | None,
-    single_rss: int | None,
+    report_progress: Callable[[str], None],
 ) -> BenchReport:
     actions = [_random_actions(pool.policies, config.seed + k) for k in range(pool.num_engines)]
     num_agents = sum(pool.num_agents(name) for name in pool.policies)
@@ -102,10 +110,10 @@ def _measure_pool(
         agent_steps_per_s=statistics.median(played for played, _ in rounds),
         ceiling_agent_steps_per_s=statistics.median(ceiling for _, ceiling in rounds),
         efficiency=statistics.median(played / ceiling for played, ceiling in rounds),
-        round_trip_us=round_trip_us,
+        round_trip_us=single.round_trip_us,
         socket_echo_us=echo_us,
         breakdown=_median(breakdowns),
-        memory_per_world_bytes=_memory_per_world(pool, single_rss),
+        memory_per_world_bytes=_memory_per_world(pool, single.resident_bytes),
         rounds=tuple(rounds),
     )
 
@@ -161,8 +169,7 @@ def _ceiling(pool: EnginePool, num_steps: int, seed: int) -> float:
     return statistics.mean(rates)
 
 
-def _measure_single(config: BenchConfig) -> tuple[float, int | None, tuple[int, int]]:
-    """Return round trip, memory and frame sizes of one engine with one world."""
+def _measure_single(config: BenchConfig) -> _SingleWorld:
     single = replace(config.pool, num_worlds=1, num_engines=1)
     with open_pool(config.target, single) as pool:
         actions = _random_actions(pool.policies, config.seed)
@@ -179,7 +186,7 @@ def _measure_single(config: BenchConfig) -> tuple[float, int | None, tuple[int, 
             len(StepEncoder(spec).encode(actions[0])),
             len(BatchDecoder(spec).buffer) - HEADER_BYTES,
         )
-        return statistics.median(trips), _resident_bytes(pool), sizes
+        return _SingleWorld(statistics.median(trips), _resident_bytes(pool), sizes)
 
 
 def _measure_echo(config: BenchConfig, sizes: tuple[int, int]) -> float | None:

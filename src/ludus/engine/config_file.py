@@ -10,7 +10,14 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
-__all__ = ["ConfigEntry", "ConfigFile", "add_to_string_array", "parse_config", "parse_string"]
+__all__ = [
+    "ConfigEntry",
+    "ConfigFile",
+    "add_string",
+    "add_to_string_array",
+    "parse_config",
+    "parse_string",
+]
 
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r"}
 _QUOTED = re.compile(r'"((?:[^"\\]|\\.)*)"', re.DOTALL)
@@ -112,6 +119,21 @@ def add_to_string_array(text: str, key: str, value: str) -> str:
         return text[: entry.start] + array + text[entry.end :]
     section, _, name = key.partition("/")
     return _with_new_entry(parsed, section, f"{name}={array}")
+
+
+def add_string(text: str, key: str, value: str) -> str:
+    """Return the text of a file with ``key`` set to a string, unless it has a value already.
+
+    Args:
+        text: The whole file.
+        key: ``section/key``.
+        value: The string.
+    """
+    parsed = parse_config(text)
+    if key in parsed.entries:
+        return text
+    section, _, name = key.partition("/")
+    return _with_new_entry(parsed, section, f"{name}={_quote(value)}")
 
 
 def _with_new_entry(parsed: ConfigFile, section: str, line: str) -> str:

@@ -1,0 +1,77 @@
+"""``ludus addon``: copy the Ludus add-on into a game."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+__all__ = ["COMMAND", "run"]
+
+
+@dataclass(frozen=True)
+class Install:
+    """Copy the add-on into a project, or upgrade it, and switch it on.
+
+    Attributes:
+        project: Folder of the project.
+        force: Overwrite files of the add-on that were changed there.
+    """
+
+    project: tyro.conf.Positional[Path]
+    force: bool = False
+
+
+@dataclass(frozen=True)
+class Status:
+    """Say whether the add-on of a project is there, switched on, current and unchanged.
+
+    Attributes:
+        project: Folder of the project.
+    """
+
+    project: tyro.conf.Positional[Path]
+
+
+COMMAND: Any = (
+    Annotated[Install, tyro.conf.subcommand("install")]
+    | Annotated[Status, tyro.conf.subcommand("status")]
+)
+
+
+def run(command: Install | Status) -> int:
+    """Do what the subcommand says; return the exit code."""
+    return _install(command) if isinstance(command, Install) else _status(command)
+
+
+def _install(command: Install) -> int:
+    from ludus.addon import install_addon
+
+    change = install_addon(command.project, force=command.force)
+    what = "installed" if change.version_before is None else f"was {change.version_before}"
+    counts = (
+        f"{len(change.added)} new, {len(change.updated)} updated, {len(change.removed)} removed"
+    )
+    sys.stdout.write(f"ludus add-on {change.version_after} ({what}): {counts}\n")
+    return 0
+
+
+def _status(command: Status) -> int:
+    from ludus.addon import addon_status
+
+    status = addon_status(command.project)
+    if not status.is_present:
+        sys.stdout.write("there is no Ludus add-on\n")
+        return 1
+    words = [
+        f"version {status.version or 'unknown'}",
+        "switched on" if status.is_enabled else "not switched on",
+        "current" if status.is_current else "not the one of this ludus",
+    ]
+    sys.stdout.write(f"ludus add-on: {', '.join(words)}\n")
+    for path in status.changed:
+        sys.stdout.write(f"  changed: {path}\n")
+    return 0

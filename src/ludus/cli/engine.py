@@ -1,0 +1,125 @@
+"""``ludus engine``: install, list and examine game engines."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any, Literal
+
+import tyro
+
+__all__ = ["COMMAND", "run"]
+
+KindName = Literal["godot4", "godot3"]
+
+
+@dataclass(frozen=True)
+class Install:
+    """Install an engine into the user's cache, unless a usable one is there already.
+
+    Attributes:
+        kind: Which engine.
+        rendering: Also install what opening a window takes.
+        force: Install again even if it is there.
+    """
+
+    kind: tyro.conf.Positional[KindName] = "godot4"
+    rendering: bool = False
+    force: bool = False
+
+
+@dataclass(frozen=True)
+class List:
+    """List the engines that can be used.
+
+    Attributes:
+        json: Print one JSON list on stdout.
+    """
+
+    json: bool = False
+
+
+@dataclass(frozen=True)
+class Doctor:
+    """Look at this machine and say what is missing; exits with 1 if nothing can run.
+
+    Attributes:
+        json: Print one JSON list on stdout.
+    """
+
+    json: bool = False
+
+
+COMMAND: Any = (
+    Annotated[Install, tyro.conf.subcommand("install")]
+    | Annotated[List, tyro.conf.subcommand("list")]
+    | Annotated[Doctor, tyro.conf.subcommand("doctor")]
+)
+
+
+def run(command: Install | List | Doctor) -> int:
+    """Do what the subcommand says; return the exit code."""
+    if isinstance(command, Install):
+        return _install(command)
+    return _list(command) if isinstance(command, List) else _doctor(command)
+
+
+def _install(command: Install) -> int:
+    from ludus.engine import EngineKind, install_engine
+
+    stages: list[str] = []
+
+    def show(stage: str, _: float | None) -> None:
+        if stage not in stages:
+            stages.append(stage)
+            sys.stderr.write(f"{stage}\n")
+
+    engine = install_engine(
+        EngineKind(command.kind),
+        rendering=command.rendering,
+        force=command.force,
+        progress=show,
+    )
+    sys.stdout.write(f"{engine.kind} {engine.version_text}: {engine.path}\n")
+    return 0
+
+
+def _list(command: List) -> int:
+    from ludus.engine import EngineKind, search_engines
+
+    searches = [search_engines(kind) for kind in EngineKind]
+    engines = [engine for search in searches for engine in search.found]
+    if command.json:
+        rows = [
+            {
+                "kind": str(engine.kind),
+                "version": engine.version_text,
+                "path": str(engine.path),
+                "source": engine.source,
+            }
+            for engine in engines
+        ]
+        sys.stdout.write(json.dumps(rows) + "\n")
+        return 0
+    for engine in engines:
+        sys.stdout.write(
+            f"{engine.kind}  {engine.version_text}  {engine.path}  ({engine.source})\n"
+        )
+    if not engines:
+        sys.stderr.write("no engine found\nhint: ludus engine install godot4\n")
+    return 0
+
+
+def _doctor(command: Doctor) -> int:
+    from ludus.engine import FindingStatus, doctor
+
+    findings = doctor()
+    if command.json:
+        sys.stdout.write(json.dumps([asdict(finding) for finding in findings]) + "\n")
+    else:
+        for finding in findings:
+            hint = f"\n      hint: {finding.hint}" if finding.hint else ""
+            line = f"{finding.status.upper():<5} {finding.name}: {finding.detail}{hint}\n"
+            sys.stdout.write(line)
+    return int(any(finding.status is FindingStatus.FAIL for finding in findings))
