@@ -27,7 +27,7 @@ setup: .venv/.ready
 	@touch $@
 
 demo: setup
-	$(BIN)/ludus train cartpole
+	$(BIN)/ludus train cartpole --target-return 249
 
 lint: .venv/.ready
 	$(BIN)/ruff check .

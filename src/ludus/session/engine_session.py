@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import hmac
 from collections.abc import Generator, Mapping, Sequence
 from typing import Any
 
 from ludus.batch import ActionBatch, Batches, StepTimes
 from ludus.errors import (
-    EngineError,
     EngineStartError,
     EngineTimeout,
     GameError,
@@ -33,6 +31,7 @@ from ludus.wire.step import BatchDecoder, StepEncoder
 __all__ = ["EngineSession"]
 
 _ENDINGS = (FrameType.ERROR, FrameType.CLOSE)
+_GOODBYE_S = 1.0
 
 
 class EngineSession:
@@ -46,7 +45,7 @@ class EngineSession:
         step_timeout_s: Deadline of every answer, seconds.
 
     Raises:
-        EngineStartError: Versions or tokens do not fit.
+        EngineStartError: Versions or tokens do not fit, or the game never told its spec.
         TargetError: The scene cannot be trained; the text says why.
         EngineError: The engine died, froze or broke the protocol.
     """
@@ -67,8 +66,14 @@ class EngineSession:
         try:
             self._hello = Hello.from_json(self._receive_json(FrameType.HELLO))
             version = self._agree(token)
-            self._send(encode_json(FrameType.WELCOME, welcome(version, self._hello, config, token)))
+            answer = welcome(version, self._hello, config, token)
+            self._send(FrameType.WELCOME, encode_json(FrameType.WELCOME, answer))
             self._spec = read_spec(self._receive_json(FrameType.SPEC))
+        except EngineTimeout as error:
+            raise EngineStartError(
+                f"the game did not tell its spec in time: {error.message}",
+                hint="its scene may hang in a loop; if loading takes long, raise start_timeout_s",
+            ) from error
         except BaseException:
             self.close()
             raise
@@ -116,9 +121,7 @@ class EngineSession:
             raise UsageError(
                 f"reset of {len(request.seeds)} worlds, the engine has {self._spec.num_worlds}"
             )
-        frame = request.encode()
-        self._state.send(FrameType.RESET)
-        self._send(frame, note=False)
+        self._send(FrameType.RESET, request.encode())
         return self.receive()
 
     def send(self, actions: Mapping[str, ActionBatch]) -> None:
@@ -129,9 +132,7 @@ class EngineSession:
             ActionError: A policy is missing, or its arrays have the wrong shape.
             EngineError: The engine has gone.
         """
-        frame = self._encoder.encode(actions)
-        self._state.send(FrameType.STEP)
-        self._send(frame, note=False)
+        self._send(FrameType.STEP, self._encoder.encode(actions))
 
     def receive(self) -> Batches:
         """Wait for the answer to ``send``.
@@ -147,51 +148,56 @@ class EngineSession:
         if self._state.state is not State.STEPPING:
             raise SequenceError("nothing to receive", hint="call reset() or send() first")
         with self._explained():
-            frame_type, num_bytes = self._link.receive_into(self._decoder.buffer)
-        if frame_type in _ENDINGS:
-            self._raise_ending(frame_type, bytes(self._decoder.buffer[8 : 8 + num_bytes]))
-        self._state.receive(frame_type)
-        batches = self._decoder.decode(num_bytes)
-        self._num_steps = 0 if self._decoder.is_reset else self._num_steps + 1
-        try:
+            num_bytes = self._link.receive_into(self._decoder.buffer, FrameType.BATCH)
+            if num_bytes is None:
+                self._next_payload()  # raises, since nothing but a BATCH answers a step
+            assert num_bytes is not None
+            self._state.receive(FrameType.BATCH)
+            batches = self._decoder.decode(num_bytes)
+            self._num_steps = 0 if self._decoder.is_reset else self._num_steps + 1
             check_finite(self._policies, batches, self._num_steps)
             self._supervision.check_script_errors()
-        except EngineError:
-            self.close()
-            raise
         return batches
 
     def call(self, target: Mapping[str, Any], method: str, arguments: Sequence[Any] = ()) -> Any:
         """Call a method of the game (PROTOCOL.md §8) and return its JSON value.
 
         Raises:
+            UsageError: The arguments are not JSON.
             GameError: There is no such method or node.
             EngineError: The engine failed.
         """
         self._call_id += 1
         message = {"id": self._call_id, "target": dict(target), "method": method}
-        self._send(encode_json(FrameType.CALL, {**message, "arguments": list(arguments)}))
+        try:
+            frame = encode_json(FrameType.CALL, {**message, "arguments": list(arguments)})
+        except (TypeError, ValueError) as error:
+            raise UsageError(f"the arguments of {method} must be JSON: {error}") from error
+        self._send(FrameType.CALL, frame)
         result = self._receive_json(FrameType.RESULT)
+        if result.get("id") != self._call_id:
+            with self._explained():
+                raise ProtocolError(f"RESULT of call {result.get('id')}, expected {self._call_id}")
         if "error" in result:
             raise GameError(f"call of {method} failed: {result['error']}")
         return result.get("value")
 
     def ping(self, payload: bytes = b"") -> bytes:
         """Send bytes and wait until they come back."""
-        self._send(encode_frame(FrameType.PING, payload))
-        return self._receive(FrameType.PONG)
+        self._send(FrameType.PING, encode_frame(FrameType.PING, payload))
+        return self._receive()
 
     def close(self) -> None:
         """Say goodbye and end the engine; may be called twice."""
         with contextlib.suppress(LinkClosed, LudusError):
             self._state.send(FrameType.CLOSE)
-            self._link.timeout_s = 1.0
+            self._link.timeout_s = _GOODBYE_S
             self._link.send(encode_frame(FrameType.CLOSE))
         self._link.close()
         self._supervision.close()
 
     def _agree(self, token: str) -> int:
-        if token and not hmac.compare_digest(token.encode(), self._hello.token.encode()):
+        if token and not self._hello.has_token(token):
             self._refuse("token", "the tokens differ")
             raise EngineStartError(
                 "the engine sent another token", hint="give both sides the same token file"
@@ -203,38 +209,40 @@ class EngineSession:
             raise
 
     def _refuse(self, code: str, message: str, hint: str = "") -> None:
-        with contextlib.suppress(EngineError):
+        """Tell the engine why the conversation ends, if it still listens."""
+        with contextlib.suppress(LinkClosed, LudusError):
+            self._state.send(FrameType.ERROR)
+            self._link.timeout_s = _GOODBYE_S
             report = {"code": code, "message": message, "hint": hint}
-            self._send(encode_json(FrameType.ERROR, report))
+            self._link.send(encode_json(FrameType.ERROR, report))
 
-    def _send(self, frame: bytes | bytearray, *, note: bool = True) -> None:
-        if note:
-            self._state.send(FrameType(frame[4]))
+    def _send(self, frame_type: FrameType, frame: bytes | bytearray) -> None:
+        if self._link.has_pending:
+            self._receive()  # raises, since nothing was asked
+        self._state.send(frame_type)
         with self._explained():
             self._link.send(frame)
 
-    def _receive(self, expected: FrameType) -> bytes:
+    def _receive(self) -> bytes:
         with self._explained():
-            frame_type, payload = self._link.receive()
-        if frame_type in _ENDINGS:
-            self._raise_ending(frame_type, payload)
+            return self._next_payload()
+
+    def _receive_json(self, frame_type: FrameType) -> dict[str, Any]:
+        with self._explained():
+            return decode_json(self._next_payload(), frame_type.name)
+
+    def _next_payload(self) -> bytes:
+        frame_type, payload = self._link.receive()
         self._state.receive(frame_type)
+        if frame_type in _ENDINGS:
+            raise self._ending(frame_type, payload)
         return payload
 
-    def _receive_json(self, expected: FrameType) -> dict[str, Any]:
-        return decode_json(self._receive(expected), expected.name)
-
-    def _raise_ending(self, frame_type: FrameType, payload: bytes) -> None:
-        """Raise what it means that the engine sent ``frame_type`` instead of an answer."""
-        self._state.receive(frame_type)
-        if frame_type is FrameType.ERROR:
-            error = self._engine_error(decode_json(payload, "ERROR"))
-        else:
-            error = self._supervision.explain("the engine closed the connection")
-        self.close()
-        raise error
-
-    def _engine_error(self, report: Mapping[str, Any]) -> LudusError:
+    def _ending(self, frame_type: FrameType, payload: bytes) -> LudusError:
+        """Return what it means that the engine sent ``frame_type`` instead of an answer."""
+        if frame_type is FrameType.CLOSE:
+            return self._supervision.explain("the engine closed the connection")
+        report = decode_json(payload, "ERROR")
         message, hint = str(report.get("message", "")), str(report.get("hint", ""))
         message += self._supervision.script_errors()
         kinds: dict[str, type[LudusError]] = {
@@ -247,7 +255,7 @@ class EngineSession:
 
     @contextlib.contextmanager
     def _explained(self) -> Generator[None]:
-        """Turn the end of the link into an error that says what became of the engine."""
+        """End the session if the engine fails, with an error that says what became of it."""
         try:
             yield
         except LinkClosed as error:
@@ -256,8 +264,13 @@ class EngineSession:
             raise explained from error
         except EngineTimeout as error:
             frozen = self._supervision.explain_silence(error)
+            self._refuse("timeout", error.message)
             self.close()
             raise frozen from error
-        except ProtocolError:
+        except ProtocolError as error:
+            self._refuse("frame", error.message)
+            self.close()
+            raise
+        except LudusError:
             self.close()
             raise

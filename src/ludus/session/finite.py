@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.batch import Batches
+from ludus.batch import Batch, Batches
 from ludus.errors import GameError
 from ludus.spec import AgentSpec, PolicySpec
 
@@ -21,17 +21,23 @@ def check_finite(policies: Mapping[str, PolicySpec], batches: Batches, step: int
     Raises:
         GameError: A number is NaN or infinite; the text names world, agent, entry, element, step.
     """
-    for name, batch in batches.items():
-        policy = policies[name]
-        _check(policy, "reward", batch.reward, step)
-        for entry, values in batch.observation.items():
-            if values.dtype.kind == "f":
-                _check(policy, f'observation["{entry}"]', values, step)
-        if len(batch.final_index):
-            for entry, values in batch.final_observation.items():
-                if values.dtype.kind == "f":
-                    what = f'final observation["{entry}"]'
-                    _check(policy, what, values, step, batch.final_index)
+    # The dot products below overflow where numbers are huge, which is no mistake.
+    with np.errstate(over="ignore", invalid="ignore"):
+        for name, batch in batches.items():
+            _check_batch(policies[name], batch, step)
+
+
+def _check_batch(policy: PolicySpec, batch: Batch, step: int) -> None:
+    _check(policy, "reward", batch.reward, step)
+    for entry, values in batch.observation.items():
+        if values.dtype.kind == "f":
+            _check(policy, f'observation["{entry}"]', values, step)
+    if not len(batch.final_index):
+        return
+    for entry, values in batch.final_observation.items():
+        if values.dtype.kind == "f":
+            what = f'final observation["{entry}"]'
+            _check(policy, what, values, step, batch.final_index)
 
 
 def _check(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -27,6 +28,7 @@ from ludus.wire.handshake import EngineConfig
 __all__ = ["LaunchOptions", "open_session"]
 
 RUN_SCENE = "res://addons/ludus/run.tscn"
+_MIN_GREETING_S = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +43,7 @@ class LaunchOptions:
         start_timeout_s: How long it may take until the game has told its spec.
         step_timeout_s: How long an answer may take.
         play_timeout_s: How long to wait for somebody to press Play.
+        engine_args: Further arguments for the engine itself, such as ``--write-movie``.
         token: Secret shared with a game on another machine, at least 16 characters.
     """
 
@@ -51,6 +54,7 @@ class LaunchOptions:
     start_timeout_s: float = 60.0
     step_timeout_s: float = 60.0
     play_timeout_s: float = 600.0
+    engine_args: tuple[str, ...] = ()
     token: str = ""
 
 
@@ -84,6 +88,7 @@ def _launch(target: Target, config: EngineConfig, options: LaunchOptions) -> Eng
             start_timeout_s=options.start_timeout_s,
         )
         process = EngineProcess.start(launch)
+        deadline = time.monotonic() + options.start_timeout_s
         try:
             link = listener.accept(options.start_timeout_s, Supervision(process).check_alive)
         except EngineTimeout as error:
@@ -95,13 +100,13 @@ def _launch(target: Target, config: EngineConfig, options: LaunchOptions) -> Eng
         except BaseException:
             process.terminate()
             raise
+    link.timeout_s = max(_MIN_GREETING_S, deadline - time.monotonic())
     return _converse(link, process, config, options)
 
 
 def _converse(
     link: Link, process: EngineProcess | None, config: EngineConfig, options: LaunchOptions
 ) -> EngineSession:
-    link.timeout_s = options.start_timeout_s
     return EngineSession(link, config, Supervision(process), options.token, options.step_timeout_s)
 
 
@@ -111,6 +116,7 @@ def _command(target: Target, options: LaunchOptions, user_args: tuple[str, ...])
         headless=not options.is_windowed,
         fixed_fps=None if options.is_real_time else (project.ticks_per_second if project else 60),
         user_args=user_args,
+        engine_args=options.engine_args,
     )
     if project is None:
         assert target.executable is not None
@@ -153,6 +159,7 @@ def _await_play(target: Target, config: EngineConfig, options: LaunchOptions) ->
         ) from error
     with contextlib.closing(listener):
         link = listener.accept(options.play_timeout_s, lambda: None)
+    link.timeout_s = options.start_timeout_s
     return _converse(link, None, config, options)
 
 
