@@ -99,7 +99,8 @@ func join_batch(batch: LudusPolicyBatch, slot: int) -> void:
 
 ## Path inside the world, for messages.
 func path_in_world() -> String:
-	return str(world.root.get_path_to(self)) if world != null else str(get_path())
+	var own_world := world if world != null else LudusWorld.find_above(self)
+	return str(own_world.root.get_path_to(self)) if own_world != null else str(get_path())
 
 
 func _find_target() -> Node:
@@ -145,4 +146,6 @@ func _method_warnings(script: Script) -> PackedStringArray:
 	for method: StringName in REQUIRED_METHODS:
 		if method not in names:
 			warnings.append("The target has no method %s()." % method)
+	if has_action_mask and &"get_action_mask" not in names:
+		warnings.append("has_action_mask is on, but the target has no method get_action_mask().")
 	return warnings

@@ -239,10 +239,11 @@ func _start() -> void:
 	_phase = Phase.MANUAL
 	_manual = LudusManualPlay.new(get_tree())
 	_arguments = LudusArguments.read()
+	_link = LudusLink.new()
 	if not _arguments.play_scene.is_empty():
+		_link.watch(_arguments.parent_pid)
 		_show(_arguments.play_scene)
 		return
-	_link = LudusLink.new()
 	if not _connect():
 		if _arguments.has_trainer():
 			_end(_link.error)

@@ -41,8 +41,10 @@ static func create(
 ## Returns null for a value that is no array of numbers.
 static func infer(entry_name: String, value: Variant) -> LudusObservationEntry:
 	match typeof(value):
-		TYPE_PACKED_FLOAT32_ARRAY, TYPE_PACKED_FLOAT64_ARRAY, TYPE_ARRAY:
+		TYPE_PACKED_FLOAT32_ARRAY, TYPE_PACKED_FLOAT64_ARRAY:
 			return create(entry_name, [len(value)])
+		TYPE_ARRAY:
+			return create(entry_name, [len(value)]) if _are_numbers(value) else null
 		TYPE_PACKED_BYTE_ARRAY:
 			return create(entry_name, [len(value)], DType.UINT8)
 		TYPE_PACKED_INT64_ARRAY, TYPE_PACKED_INT32_ARRAY:
@@ -80,7 +82,7 @@ func to_bytes(value: Variant) -> PackedByteArray:
 	var bytes := PackedByteArray()
 	if value is Image:
 		bytes = (value as Image).get_data()
-	else:
+	elif value is not Array or _are_numbers(value):
 		match dtype:
 			DType.FLOAT32:
 				bytes = floats(value).to_byte_array()
@@ -90,6 +92,14 @@ func to_bytes(value: Variant) -> PackedByteArray:
 			DType.INT64:
 				bytes = _integers(value).to_byte_array()
 	return bytes if bytes.size() == num_bytes() else PackedByteArray()
+
+
+## Godot turns anything else in a list into zeros without a word.
+static func _are_numbers(values: Array) -> bool:
+	for value: Variant in values:
+		if value is not float and value is not int and value is not bool:
+			return false
+	return true
 
 
 ## Turns a value returned by the game into floats; empty if it is no array of numbers.

@@ -131,4 +131,6 @@ func _infer_entries(first: LudusAgent) -> Array[LudusObservationEntry]:
 			)
 			return []
 		inferred.append(entry)
+	if inferred.is_empty():
+		error = "agent %s: get_observation() returned an empty dictionary" % first.path_in_world()
 	return inferred

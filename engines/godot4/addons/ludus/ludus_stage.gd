@@ -113,7 +113,7 @@ func _choose_layout(world: LudusWorld, root: Node) -> bool:
 		error = "the grid needs a scene whose root is a Node2D or Node3D, not %s" % root.get_class()
 	elif world.settle_ticks > 0:
 		error = "settle_ticks needs the isolated layout: in the grid no world can tick alone"
-	elif _num_worlds > 1 and world.spacing.is_zero_approx():
+	elif _num_worlds > 1 and _axes(root, world.spacing).is_empty():
 		error = "the grid needs LudusWorld.spacing, larger than anything in a world reaches"
 	return error.is_empty()
 
@@ -150,10 +150,7 @@ func _show_first() -> void:
 
 ## Copies lie in a block around the origin, where floats are most precise.
 func _place(root: Node, i: int, spacing: Vector3) -> void:
-	var axes: Array[int] = []
-	for axis: int in 2 if root is Node2D else 3:
-		if spacing[axis] > 0.0:
-			axes.append(axis)
+	var axes := _axes(root, spacing)
 	if axes.is_empty():
 		return
 	var side := ceili(pow(_num_worlds, 1.0 / axes.size()) - 1e-9)
@@ -166,3 +163,12 @@ func _place(root: Node, i: int, spacing: Vector3) -> void:
 		(root as Node2D).position += Vector2(place.x, place.y)
 	else:
 		(root as Node3D).position += place
+
+
+## The axes along which copies are put.
+static func _axes(root: Node, spacing: Vector3) -> PackedInt32Array:
+	var axes := PackedInt32Array()
+	for axis: int in 2 if root is Node2D else 3:
+		if spacing[axis] > 0.0:
+			axes.append(axis)
+	return axes
