@@ -1,0 +1,115 @@
+extends "ludus_test.gd"
+## Mistakes in a scene are told by the agent, in the editor and to the trainer.
+
+const StubAgent := preload("stub_agent.gd")
+
+const GAME := """
+extends Node
+func apply_action(_action: int) -> void: pass
+func get_observation() -> Array: return [0.0]
+func get_reward() -> float: return 0.0
+func is_done() -> bool: return false
+func reset() -> void: pass
+"""
+
+
+func test_a_right_agent() -> void:
+	var agent := _agent(_script(GAME))
+	_check_warnings(agent, [])
+	equal(agent.connect_to_game(), "", "connect_to_game")
+	check(agent.target == agent.get_parent(), "the target is the parent")
+
+
+func test_an_agent_that_is_its_own_game() -> void:
+	var agent := StubAgent.new()
+	agent.action = [LudusActionComponent.new()]
+	add(agent)
+	_check_warnings(agent, [])
+	equal(agent.connect_to_game(), "", "connect_to_game")
+	check(agent.target == agent, "the target is the agent")
+
+
+func test_inherited_methods_count() -> void:
+	var child := _script("extends Node")
+	child.source_code = GAME.replace("extends Node", "extends Node\nvar x := 1")
+	child.reload()
+	_check_warnings(_agent(child), [])
+
+
+func test_no_policy_name() -> void:
+	var agent := _agent(_script(GAME))
+	agent.policy_name = ""
+	_check_warnings(agent, ["policy_name is empty"])
+
+
+func test_no_action() -> void:
+	var agent := _agent(_script(GAME))
+	agent.action = []
+	_check_warnings(agent, ["No action is declared"])
+	check("no action is declared" in agent.connect_to_game(), "connect_to_game")
+
+
+func test_an_empty_item() -> void:
+	var agent := _agent(_script(GAME))
+	agent.action.append(null)
+	_check_warnings(agent, ["empty item"])
+	agent.action.pop_back()
+	agent.observation.append(null)
+	_check_warnings(agent, ["empty item"])
+
+
+func test_an_invalid_component() -> void:
+	var agent := _agent(_script(GAME))
+	agent.action[0] = LudusActionComponent.continuous("move", 1, 2.0, -2.0)
+	_check_warnings(agent, ["Action move: low must be below high"])
+
+
+func test_a_target_that_is_not_there() -> void:
+	var agent := _agent(_script(GAME))
+	agent.target_path = ^"../Nobody"
+	_check_warnings(agent, ["target_path leads nowhere"])
+	equal(agent.connect_to_game(), "target_path ../Nobody leads nowhere", "connect_to_game")
+
+
+func test_a_target_without_a_script() -> void:
+	var agent := _agent(null)
+	_check_warnings(agent, ["has no script with the five methods"])
+	check("has no method apply_action()" in agent.connect_to_game(), "connect_to_game")
+
+
+func test_missing_methods() -> void:
+	for method: StringName in LudusAgent.REQUIRED_METHODS:
+		var agent := _agent(_script(GAME.replace("func %s(" % method, "func other(")))
+		_check_warnings(agent, ["The target has no method %s()" % method])
+		check("has no method %s()" % method in agent.connect_to_game(), "connect_to_game")
+
+
+func test_a_mask_without_its_method() -> void:
+	var agent := _agent(_script(GAME))
+	agent.has_action_mask = true
+	check("get_action_mask()" in agent.connect_to_game(), "connect_to_game")
+	_check_warnings(agent, ["get_action_mask()"])
+
+
+func _script(code: String) -> GDScript:
+	var script := GDScript.new()
+	script.source_code = code
+	script.reload()
+	return script
+
+
+func _agent(script: GDScript) -> LudusAgent:
+	var root := Node.new()
+	root.set_script(script)
+	var agent := LudusAgent.new()
+	agent.action = [LudusActionComponent.new()]
+	root.add_child(agent)
+	add(root)
+	return agent
+
+
+func _check_warnings(agent: LudusAgent, expected: Array[String]) -> void:
+	var warnings := agent._get_configuration_warnings()
+	equal(warnings.size(), expected.size(), "number of warnings (%s)" % "; ".join(warnings))
+	for i: int in mini(warnings.size(), expected.size()):
+		check(expected[i] in warnings[i], "%s: %s" % [expected[i], warnings[i]])
