@@ -13,7 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ludus.batch import ActionBatch, Batch, Batches, StepTimes
-from ludus.errors import EngineCrashed, EngineError, EngineTimeout, SequenceError
+from ludus.errors import (
+    EngineCrashed,
+    EngineError,
+    EngineTimeout,
+    ProtocolError,
+    SequenceError,
+    UsageError,
+)
 from ludus.session import Session
 from ludus.spec import PolicySpec, Spec
 from ludus.wire.reset import Parameters, ResetAction, ResetRequest
@@ -45,9 +52,12 @@ class EnginePool:
         self._open_engine = open_engine
         self._max_restarts = max_restarts
         self._num_restarts = 0
-        self._sessions: list[Session] = []
-        self._sessions = _open_all(open_engine, num_engines)
+        self._sessions: list[Session] = _open_all(open_engine, num_engines)
         self._spec = self._sessions[0].spec
+        for engine in range(num_engines):
+            self._check_spec(engine)
+        num_worlds = self._spec.num_worlds * num_engines
+        self._parameters: list[Mapping[str, Any] | None] = [None] * num_worlds
         self._policies = {policy.name: policy for policy in self._spec.policies}
         self._last: list[Batches | None] = [None] * num_engines
         self._is_lost = [False] * num_engines
@@ -102,15 +112,10 @@ class EnginePool:
         Args:
             request: One seed and one action per world, counted over all engines.
         """
-        num = self._spec.num_worlds
-        for engine, session in enumerate(self._sessions):
-            part = slice(engine * num, (engine + 1) * num)
-            parameters = request.parameters
-            if parameters is not None and not isinstance(parameters, Mapping):
-                parameters = list(parameters)[part]
-            self._last[engine] = session.reset(
-                ResetRequest(request.seeds[part], request.actions[part], parameters)
-            )
+        self._check_size(request)
+        self._remember_parameters(request)
+        for engine in range(self.num_engines):
+            self._last[engine] = self._reset_engine(engine, self._part(request, engine))
         return self._joined()
 
     def send(self, engine: int, actions: Mapping[str, ActionBatch]) -> None:
@@ -135,8 +140,11 @@ class EnginePool:
                 return batches
             except _RESTARTABLE as error:
                 self._note_loss(engine, error)
-        self._is_lost[engine] = False
-        self._last[engine] = self._restart(engine, acted, seen or {})
+        fresh = self._revive(engine)
+        self._last[engine] = {
+            name: _truncated(batch, acted[name], (seen or {})[name])
+            for name, batch in fresh.items()
+        }
         return self._last[engine] or {}
 
     def step(self, actions: Mapping[str, ActionBatch]) -> Batches:
@@ -196,22 +204,80 @@ class EnginePool:
             error,
         )
 
-    def _restart(
-        self,
-        engine: int,
-        acted: Mapping[str, NDArray[np.bool_]],
-        seen: Mapping[str, Mapping[str, NDArray[Any]]],
-    ) -> Batches:
-        self._sessions[engine].close()
-        session = self._open_engine(engine)
-        self._sessions[engine] = session
+    def _part(self, request: ResetRequest, engine: int) -> ResetRequest:
+        """Return what of a request is meant for one engine."""
+        worlds = self._worlds(engine)
+        parameters = request.parameters
+        if parameters is not None and not isinstance(parameters, Mapping):
+            parameters = parameters[worlds]
+        return ResetRequest(request.seeds[worlds], request.actions[worlds], parameters)
+
+    def _worlds(self, engine: int) -> slice:
         num = self._spec.num_worlds
+        return slice(engine * num, (engine + 1) * num)
+
+    def _check_size(self, request: ResetRequest) -> None:
+        num, given = len(self._parameters), request.parameters
+        if len(request.seeds) != num:
+            raise UsageError(f"reset of {len(request.seeds)} worlds, the pool has {num}")
+        if given is not None and not isinstance(given, Mapping) and len(given) != num:
+            raise UsageError(f"parameters for {len(given)} worlds, the pool has {num}")
+
+    def _remember_parameters(self, request: ResetRequest) -> None:
+        for i, action in enumerate(request.actions):
+            given = request.parameters
+            own = given if given is None or isinstance(given, Mapping) else given[i]
+            if own is not None and action != ResetAction.LEAVE:
+                self._parameters[i] = own
+
+    def _reset_engine(self, engine: int, request: ResetRequest) -> Batches:
+        if not self._is_lost[engine]:
+            try:
+                return self._sessions[engine].reset(request)
+            except _RESTARTABLE as error:
+                self._note_loss(engine, error)
+        return self._revive(engine, request)
+
+    def _revive(self, engine: int, request: ResetRequest | None = None) -> Batches:
+        """Start an engine again, as often as is allowed, and begin new episodes in it.
+
+        Args:
+            engine: Which one.
+            request: Worlds that it seeds get these seeds, all others fresh ones.
+        """
+        while True:
+            self._sessions[engine].close()
+            try:
+                self._sessions[engine] = self._open_engine(engine)
+                self._check_spec(engine)
+                batches = self._sessions[engine].reset(self._revival(engine, request))
+            except _RESTARTABLE as error:
+                self._note_loss(engine, error)
+            except BaseException:
+                self.close()
+                raise
+            else:
+                self._is_lost[engine] = False
+                return batches
+
+    def _revival(self, engine: int, request: ResetRequest | None) -> ResetRequest:
+        worlds = self._worlds(engine)
         # Other seeds than before: the same episodes once more would teach nothing new.
-        first = self._seed + engine * num + 1_000_003 * self._num_restarts
-        seeds = np.array([(first + i) % (1 << 64) for i in range(num)], np.uint64)
-        actions = np.full(num, ResetAction.SEED, np.uint8)
-        fresh = session.reset(ResetRequest(seeds, actions))
-        return {name: _truncated(batch, acted[name], seen[name]) for name, batch in fresh.items()}
+        first = self._seed + 1_000_003 * self._num_restarts
+        numbers = [(first + i) % (1 << 64) for i in range(worlds.start, worlds.stop)]
+        seeds = np.array(numbers, np.uint64)
+        if request is not None:
+            seeds = np.where(request.actions == ResetAction.SEED, request.seeds, seeds)
+        actions = np.full(len(seeds), ResetAction.SEED, np.uint8)
+        return ResetRequest(seeds, actions, self._parameters[worlds])
+
+    def _check_spec(self, engine: int) -> None:
+        if self._sessions[engine].spec != self._spec:
+            self.close()
+            raise ProtocolError(
+                f"engine {engine} declares other worlds or agents than engine 0 did at its start",
+                hint="the scene must make the same agents whenever it is started",
+            )
 
 
 def _open_all(open_engine: Callable[[int], Session], num_engines: int) -> list[Session]:

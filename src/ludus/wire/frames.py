@@ -21,6 +21,7 @@ __all__ = [
     "encode_frame",
     "encode_json",
     "padded",
+    "parse_json",
 ]
 
 HEADER = struct.Struct("<IBBH")
@@ -28,6 +29,7 @@ HEADER_BYTES = HEADER.size
 MAX_BINARY_BYTES = 1 << 28
 MAX_JSON_BYTES = 1 << 24
 MAX_PING_BYTES = 1 << 20
+MAX_WORLDS = 4096
 
 
 class FrameType(IntEnum):
@@ -110,12 +112,20 @@ def decode_json(payload: bytes | bytearray | memoryview, what: str) -> dict[str,
         ProtocolError: It is no UTF-8, no JSON or no object. ``what`` names the frame.
     """
     try:
-        value: Any = json.loads(bytes(payload).decode("utf-8"), parse_constant=_refuse_constant)
-    except (ValueError, RecursionError) as error:
+        value = parse_json(payload)
+    except ValueError as error:
         raise ProtocolError(f"{what} is not valid JSON: {error}") from error
     if not isinstance(value, dict):
         raise ProtocolError(f"{what} must be a JSON object, got {type(value).__name__}")
     return cast(dict[str, Any], value)
+
+
+def parse_json(text: bytes | bytearray | memoryview) -> Any:
+    """Return a JSON value; raise ``ValueError`` if the text is no UTF-8 or no JSON."""
+    try:
+        return json.loads(bytes(text).decode("utf-8"), parse_constant=_refuse_constant)
+    except RecursionError as error:
+        raise ValueError("nested too deeply") from error
 
 
 def _refuse_constant(name: str) -> None:

@@ -7,13 +7,13 @@ import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ludus.errors import ProtocolError, UsageError
-from ludus.wire.frames import FrameType, encode_frame, padded
+from ludus.wire.frames import MAX_WORLDS, FrameType, encode_frame, padded, parse_json
 
 __all__ = ["Parameters", "ResetAction", "ResetRequest"]
 
@@ -88,14 +88,28 @@ class ResetRequest:
         if len(payload) < _HEAD.size:
             raise ProtocolError("RESET is too short")
         num_worlds, text_bytes = _HEAD.unpack_from(payload)
+        if not 1 <= num_worlds <= MAX_WORLDS:
+            raise ProtocolError(f"RESET of {num_worlds} worlds, expected 1 to {MAX_WORLDS}")
         start = _HEAD.size + padded(num_worlds * 9)
         if len(payload) != start + text_bytes:
             raise ProtocolError(f"RESET has {len(payload)} bytes, expected {start + text_bytes}")
         actions = np.frombuffer(payload, "u1", num_worlds, _HEAD.size + num_worlds * 8)
         if actions.size and actions.max() > ResetAction.SEED:
             raise ProtocolError("RESET asks for an unknown action")
-        try:
-            parameters: Any = json.loads(payload[start:])
-        except ValueError as error:
-            raise ProtocolError(f"parameters of RESET are not JSON: {error}") from error
+        parameters = _read_parameters(payload[start:], num_worlds)
         return cls(np.frombuffer(payload, "<u8", num_worlds, _HEAD.size), actions, parameters)
+
+
+def _read_parameters(text: bytes, num_worlds: int) -> Parameters:
+    try:
+        value = parse_json(text)
+    except ValueError as error:
+        raise ProtocolError(f"parameters of RESET are not JSON: {error}") from error
+    per_world = cast(list[Any], value) if isinstance(value, list) else [value]
+    if isinstance(value, list) and len(per_world) != num_worlds:
+        per_world = [value]
+    if not all(item is None or isinstance(item, dict) for item in per_world):
+        raise ProtocolError(
+            "parameters of RESET must be null, an object or a list of these, one per world"
+        )
+    return value

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Sequence
+from reprlib import repr as _short
 from typing import Any, cast
 
 from ludus.errors import ProtocolError
@@ -19,16 +21,18 @@ from ludus.spec import (
     PolicySpec,
     Spec,
 )
+from ludus.wire.frames import MAX_BINARY_BYTES, MAX_WORLDS
+from ludus.wire.step import max_batch_bytes
 
 __all__ = ["read_spec"]
 
-MAX_WORLDS = 4096
 MAX_AGENTS = 65_536
 MAX_POLICIES = 64
 MAX_ENTRIES = 64
 MAX_DIMENSIONS = 8
 MAX_NAME_LENGTH = 128
 MAX_ENTRY_ELEMENTS = 1 << 26
+_MAX_FLOAT = sys.float_info.max
 
 
 def read_spec(value: Any) -> Spec:
@@ -44,14 +48,21 @@ def read_spec(value: Any) -> Spec:
     )
     if len({policy.name for policy in policies}) != len(policies):
         raise reader.error("policies", "two policies have the same name")
-    return Spec(
+    spec = Spec(
         num_worlds=num_worlds,
         layout=reader.choice("layout", ("isolated", "grid")),
         ticks_per_step=reader.integer("ticks_per_step", 1, 100_000),
-        tick_rate=reader.number("tick_rate"),
+        tick_rate=reader.positive("tick_rate"),
         policies=policies,
         scene=reader.text("scene", default=""),
     )
+    num_bytes = max_batch_bytes(spec)
+    if num_bytes > MAX_BINARY_BYTES:
+        raise ProtocolError(
+            f"spec: a BATCH may need {num_bytes} bytes, the limit is {MAX_BINARY_BYTES}",
+            hint="use fewer worlds or agents, or smaller observations",
+        )
+    return spec
 
 
 class _Reader:
@@ -78,21 +89,21 @@ class _Reader:
         value = self.get(key)
         # Godot's JSON writes every number as a float.
         if isinstance(value, bool) or not isinstance(value, int | float) or value != value // 1:
-            raise self.error(key, f"expected an integer, got {value!r}")
+            raise self.error(key, f"expected an integer, got {_short(value)}")
         if not low <= value <= high:
             raise self.error(key, f"expected {low} to {high}, got {value}")
         return int(value)
 
-    def number(self, key: str) -> float:
-        value = self.get(key)
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.error(key, f"expected a number, got {value!r}")
-        return float(value)
+    def positive(self, key: str) -> float:
+        value = self._finite(key, self.get(key))
+        if value <= 0.0:
+            raise self.error(key, f"expected a positive number, got {value}")
+        return value
 
     def text(self, key: str, default: str | None = None) -> str:
         value = self._object.get(key, default) if default is not None else self.get(key)
         if not isinstance(value, str):
-            raise self.error(key, f"expected a text, got {value!r}")
+            raise self.error(key, f"expected a text, got {_short(value)}")
         return value
 
     def name(self) -> str:
@@ -104,13 +115,13 @@ class _Reader:
     def choice(self, key: str, choices: Sequence[str]) -> str:
         value = self.text(key)
         if value not in choices:
-            raise self.error(key, f"expected one of {', '.join(choices)}, got {value!r}")
+            raise self.error(key, f"expected one of {', '.join(choices)}, got {_short(value)}")
         return value
 
     def flag(self, key: str) -> bool:
         value = self.get(key)
         if not isinstance(value, bool):
-            raise self.error(key, f"expected true or false, got {value!r}")
+            raise self.error(key, f"expected true or false, got {_short(value)}")
         return value
 
     def items(self, key: str, low: int, high: int) -> list[_Reader]:
@@ -137,16 +148,28 @@ class _Reader:
 
     def _finite(self, key: str, value: Any) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.error(key, f"expected a number, got {value!r}")
-        if not math.isfinite(value):
-            raise self.error(key, f"expected a finite number, got {value!r}")
+            raise self.error(key, f"expected a number, got {_short(value)}")
+        if not -_MAX_FLOAT <= value <= _MAX_FLOAT:  # JSON integers may exceed any float
+            raise self.error(key, f"expected a finite number, got {_short(value)}")
         return float(value)
+
+    def bounds(self, size: int, unbounded: float | None) -> tuple[Bound, Bound]:
+        low = self.bound("low", size, None if unbounded is None else -unbounded)
+        high = self.bound("high", size, unbounded)
+        lows = low if isinstance(low, tuple) else (low,) * size
+        highs = high if isinstance(high, tuple) else (high,) * size
+        for smallest, largest in zip(lows, highs, strict=True):
+            if smallest > largest:
+                raise self.error("low", f"{smallest} is above high, {largest}")
+        return low, high
 
 
 def _policy(reader: _Reader, num_worlds: int) -> PolicySpec:
     agents = tuple(_agent(item, num_worlds) for item in reader.items("agents", 1, MAX_AGENTS))
     if reader.integer("num_agents", 1, MAX_AGENTS) != len(agents):
         raise reader.error("num_agents", f"the list of agents has {len(agents)}")
+    per_world = reader.integer("agents_per_world", 1, MAX_AGENTS)
+    _check_slots(reader, agents, per_world, num_worlds)
     action = tuple(_component(item) for item in reader.items("action", 1, MAX_ENTRIES))
     observation = tuple(_entry(item) for item in reader.items("observation", 1, MAX_ENTRIES))
     settings = reader.get("settings")
@@ -158,7 +181,7 @@ def _policy(reader: _Reader, num_worlds: int) -> PolicySpec:
         observation=observation,
         action=action,
         agents=agents,
-        agents_per_world=reader.integer("agents_per_world", 1, MAX_AGENTS),
+        agents_per_world=per_world,
         has_action_mask=reader.flag("has_action_mask"),
         episode=cast(EpisodeMode, reader.choice("episode", ("agent", "world"))),
         max_episode_steps=None
@@ -171,6 +194,18 @@ def _policy(reader: _Reader, num_worlds: int) -> PolicySpec:
     if policy.has_action_mask and not policy.nvec:
         raise reader.error("has_action_mask", "there is no discrete action to mask")
     return policy
+
+
+def _check_slots(
+    reader: _Reader, agents: Sequence[AgentSpec], per_world: int, num_worlds: int
+) -> None:
+    if len(agents) != per_world * num_worlds:
+        count = f"{len(agents)} agents in {num_worlds} worlds"
+        raise reader.error("agents_per_world", f"{per_world} does not fit {count}")
+    for slot, agent in enumerate(agents):
+        if agent.world != slot // per_world:
+            what = f"expected {slot // per_world} (slots go world by world), got {agent.world}"
+            raise reader.error(f"agents[{slot}].world", what)
 
 
 def _check_names(reader: _Reader, key: str, names: Sequence[str]) -> None:
@@ -195,19 +230,20 @@ def _entry(reader: _Reader) -> ObservationEntry:
     shape = tuple(_dimension(reader, size) for size in cast(list[Any], shape_value))
     size = math.prod(shape)
     if size > MAX_ENTRY_ELEMENTS:
-        raise reader.error("shape", f"{size} elements, the limit is {MAX_ENTRY_ELEMENTS}")
+        raise reader.error("shape", f"more than {MAX_ENTRY_ELEMENTS} elements")
+    low, high = reader.bounds(size, math.inf)
     return ObservationEntry(
         name=reader.name(),
         dtype=reader.choice("dtype", tuple(DTYPES)),
         shape=shape,
-        low=reader.bound("low", size, -math.inf),
-        high=reader.bound("high", size, math.inf),
+        low=low,
+        high=high,
     )
 
 
 def _dimension(reader: _Reader, size: Any) -> int:
     if isinstance(size, bool) or not isinstance(size, int | float) or size != size // 1 or size < 1:
-        raise reader.error("shape", f"expected positive integers, got {size!r}")
+        raise reader.error("shape", f"expected positive integers, got {_short(size)}")
     return int(size)
 
 
@@ -225,6 +261,5 @@ def _discrete(reader: _Reader) -> DiscreteAction:
 
 def _continuous(reader: _Reader) -> ContinuousAction:
     size = reader.integer("size", 1, 1 << 16)
-    return ContinuousAction(
-        reader.name(), size, reader.bound("low", size, None), reader.bound("high", size, None)
-    )
+    low, high = reader.bounds(size, None)
+    return ContinuousAction(reader.name(), size, low, high)

@@ -17,7 +17,7 @@ from ludus.errors import ActionError, ProtocolError
 from ludus.spec import PolicySpec, Spec
 from ludus.wire.frames import HEADER, HEADER_BYTES, FrameType, padded
 
-__all__ = ["BatchDecoder", "StepEncoder"]
+__all__ = ["BatchDecoder", "StepEncoder", "max_batch_bytes"]
 
 _HEAD = struct.Struct("<QIIII")
 _FINAL_HEAD = struct.Struct("<II")
@@ -63,10 +63,8 @@ class BatchDecoder:
 
     def __init__(self, spec: Spec) -> None:
         self._spec = spec
-        fixed = _HEAD.size + sum(_batch_bytes(policy) for policy in spec.policies)
-        room = sum(_final_bytes(policy, policy.num_agents) for policy in spec.policies)
-        self._fixed_bytes = fixed
-        self.buffer = bytearray(HEADER_BYTES + fixed + room)
+        self._fixed_bytes = _fixed_bytes(spec)
+        self.buffer = bytearray(HEADER_BYTES + max_batch_bytes(spec))
         self._batches: Batches = {}
         offset = HEADER_BYTES + _HEAD.size
         for policy in spec.policies:
@@ -115,6 +113,16 @@ class BatchDecoder:
             offset += size
         if offset != end:
             raise ProtocolError(f"BATCH has {end - offset} bytes too many")
+
+
+def max_batch_bytes(spec: Spec) -> int:
+    """Return the size of a ``BATCH`` payload in which all agents end."""
+    final = sum(_final_bytes(policy, policy.num_agents) for policy in spec.policies)
+    return _fixed_bytes(spec) + final
+
+
+def _fixed_bytes(spec: Spec) -> int:
+    return _HEAD.size + sum(_batch_bytes(policy) for policy in spec.policies)
 
 
 def _action_bytes(policy: PolicySpec) -> tuple[int, int]:

@@ -1,0 +1,299 @@
+"""Any Gymnasium environment as a :class:`~ludus.pool.interface.Pool`.
+
+An "engine" is a share of the environments in this process. Trainers can be tried without a game,
+and anything that Gymnasium knows can be trained. The policy is called ``agent``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, cast
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from ludus.batch import ActionBatch, Batch, Batches, StepTimes
+from ludus.errors import SequenceError, TargetError
+from ludus.spec import (
+    ActionComponent,
+    AgentSpec,
+    Bound,
+    ContinuousAction,
+    DiscreteAction,
+    ObservationEntry,
+    PolicySpec,
+    Spec,
+)
+
+__all__ = ["GymnasiumPool"]
+
+POLICY = "agent"
+SINGLE_ENTRY = "observation"
+
+GymEnv = gymnasium.Env[Any, Any]
+Spaces = Mapping[str, spaces.Space[Any]]
+Parameters = Mapping[str, Any] | Sequence[Mapping[str, Any] | None] | None
+
+
+class GymnasiumPool:
+    """``num_engines`` times ``num_worlds`` environments with same-step autoreset.
+
+    Observations may be boxes or dictionaries of boxes, actions discrete, multi-discrete or bounded
+    boxes. An ``action_mask`` in the info of a reset counts as the policy's mask.
+    ``reset(parameters=)`` reaches the environments as ``options``.
+    """
+
+    def __init__(
+        self,
+        env_id: str,
+        *,
+        num_worlds: int = 1,
+        num_engines: int = 1,
+        max_episode_steps: int | None = None,
+    ) -> None:
+        self._num_worlds, self._num_engines = num_worlds, num_engines
+        self._envs = [_make(env_id, max_episode_steps) for _ in range(num_worlds * num_engines)]
+        self._spec = self._read_spec(env_id)
+        policy = self._spec.policies[0]
+        self._to_action = action_reader(self._envs[0].action_space)
+        self._batches = [Batch.allocate(policy, num_worlds) for _ in range(num_engines)]
+        self._pending: list[ActionBatch | None] = [None] * num_engines
+        self._is_reset = False
+        self._num_steps = 0
+
+    @property
+    def spec(self) -> Spec:
+        """Spec of one engine."""
+        return self._spec
+
+    @property
+    def num_engines(self) -> int:
+        """Number of shares the environments are split into."""
+        return self._num_engines
+
+    @property
+    def policies(self) -> Mapping[str, PolicySpec]:
+        """The one policy, ``agent``."""
+        return {POLICY: self._spec.policies[0]}
+
+    @property
+    def num_restarts(self) -> int:
+        """Always 0; an environment that fails ends the run."""
+        return 0
+
+    def num_agents(self, policy: str) -> int:
+        """Return the number of environments."""
+        return len(self._envs)
+
+    def rows(self, policy: str, engine: int) -> slice:
+        """Return the rows of ``engine`` in arrays over all engines."""
+        return slice(engine * self._num_worlds, (engine + 1) * self._num_worlds)
+
+    def reset(self, seed: int | None = None, parameters: Parameters = None) -> Batches:
+        """Begin a new episode in every environment; see :meth:`Pool.reset`."""
+        for index, env in enumerate(self._envs):
+            options = parameters
+            if parameters is not None and not isinstance(parameters, Mapping):
+                options = parameters[index]
+            observation, info = env.reset(
+                seed=None if seed is None else seed + index,
+                options=dict(cast(Mapping[str, Any], options)) if options else None,
+            )
+            engine, row = divmod(index, self._num_worlds)
+            write_state(self._batches[engine], row, observation, info)
+        for batch in self._batches:
+            clear_outcome(batch)
+            batch.active[:] = True
+        self._pending = [None] * self._num_engines
+        self._is_reset = True
+        return self._joined()
+
+    def send(self, engine: int, actions: Mapping[str, ActionBatch]) -> None:
+        """Keep the actions until :meth:`receive`."""
+        if not self._is_reset:
+            raise SequenceError("send was called before reset", "call reset first")
+        if self._pending[engine] is not None:
+            raise SequenceError(f"engine {engine} was sent actions twice", "call receive between")
+        self._pending[engine] = actions[POLICY]
+
+    def receive(self, engine: int) -> Batches:
+        """Step the environments of one engine; views that its next ``receive`` overwrites."""
+        actions, self._pending[engine] = self._pending[engine], None
+        if actions is None:
+            raise SequenceError(f"nothing was sent to engine {engine}", "call send first")
+        batch = self._batches[engine]
+        clear_outcome(batch)
+        finals: list[tuple[int, Any]] = []
+        for row in range(self._num_worlds):
+            env = self._envs[engine * self._num_worlds + row]
+            observation, reward, terminated, truncated, info = env.step(
+                self._to_action(actions, row)
+            )
+            batch.reward[row] = float(reward)
+            if terminated or truncated:
+                batch.terminated[row], batch.truncated[row] = terminated, truncated
+                finals.append((row, observation))
+                observation, info = env.reset()
+            write_state(batch, row, observation, info)
+        write_finals(batch, finals)
+        self._num_steps += 1
+        return {POLICY: batch}
+
+    def step(self, actions: Mapping[str, ActionBatch]) -> Batches:
+        """Step all environments; copies."""
+        for engine in range(self._num_engines):
+            self.send(engine, {POLICY: actions[POLICY].rows(self.rows(POLICY, engine))})
+        for engine in range(self._num_engines):
+            self.receive(engine)
+        return self._joined()
+
+    def times(self, engine: int) -> StepTimes:
+        """Return zeros: there is no engine."""
+        return StepTimes(self._num_steps, 0, 0, 0)
+
+    def close(self) -> None:
+        """Close all environments."""
+        for env in self._envs:
+            env.close()
+
+    def _read_spec(self, env_id: str) -> Spec:
+        env = self._envs[0]
+        _, info = env.reset(seed=0)
+        limit = env.spec.max_episode_steps if env.spec else None
+        policy = PolicySpec(
+            name=POLICY,
+            observation=read_observation(env.observation_space),
+            action=read_action(env.action_space),
+            agents=tuple(AgentSpec(world, "env") for world in range(self._num_worlds)),
+            has_action_mask="action_mask" in info,
+            max_episode_steps=limit,
+        )
+        return Spec(self._num_worlds, "isolated", 1, 1.0, (policy,), env_id)
+
+    def _joined(self) -> Batches:
+        parts = self._batches
+        index = [part.final_index + k * self._num_worlds for k, part in enumerate(parts)]
+        masks = [part.action_mask for part in parts if part.action_mask is not None]
+        joined = Batch(
+            observation=_join_entries([part.observation for part in parts]),
+            reward=np.concatenate([part.reward for part in parts]),
+            terminated=np.concatenate([part.terminated for part in parts]),
+            truncated=np.concatenate([part.truncated for part in parts]),
+            active=np.concatenate([part.active for part in parts]),
+            action_mask=np.concatenate(masks) if masks else None,
+            final_index=np.concatenate(index),
+            final_observation=_join_entries([part.final_observation for part in parts]),
+        )
+        return {POLICY: joined}
+
+
+def read_observation(space: spaces.Space[Any]) -> tuple[ObservationEntry, ...]:
+    """Return the entries of an observation space.
+
+    Raises:
+        TargetError: It is neither a box nor a dictionary of boxes.
+    """
+    parts: Spaces = {SINGLE_ENTRY: space}
+    if isinstance(space, spaces.Dict):
+        parts = cast(Spaces, cast(Any, space).spaces)
+    return tuple(_read_entry(name, part) for name, part in parts.items())
+
+
+def read_action(space: spaces.Space[Any]) -> tuple[ActionComponent, ...]:
+    """Return the components of an action space.
+
+    Raises:
+        TargetError: It is neither discrete, nor multi-discrete, nor a bounded box.
+    """
+    if isinstance(space, spaces.Discrete):
+        return (DiscreteAction("action", int(space.n)),)
+    if isinstance(space, spaces.MultiDiscrete) and len(space.shape) == 1:
+        sizes = cast(NDArray[np.int64], cast(Any, space).nvec)
+        return tuple(DiscreteAction(f"action_{i}", int(n)) for i, n in enumerate(sizes))
+    if isinstance(space, spaces.Box) and space.is_bounded():
+        size = math.prod(space.shape)
+        return (ContinuousAction("action", size, *_bounds(cast(Any, space))),)
+    raise TargetError(
+        f"cannot train the action space {space}",
+        "wrap the environment so that it is Discrete, MultiDiscrete or a bounded Box",
+    )
+
+
+def action_reader(space: spaces.Space[Any]) -> Callable[[ActionBatch, int], Any]:
+    """Return what turns a row of an action batch into an action of ``space``."""
+    if isinstance(space, spaces.Discrete):
+        start = int(space.start)
+        return lambda actions, row: int(actions.discrete[row, 0]) + start
+    if isinstance(space, spaces.MultiDiscrete):
+        first = cast(NDArray[np.int64], cast(Any, space).start)
+        return lambda actions, row: actions.discrete[row] + first
+    shape, dtype = cast(tuple[int, ...], space.shape), space.dtype
+    return lambda actions, row: actions.continuous[row].reshape(shape).astype(dtype)
+
+
+def write_state(batch: Batch, row: int, observation: Any, info: Mapping[str, Any]) -> None:
+    """Write one environment's observation and mask into ``batch``."""
+    if isinstance(observation, Mapping):
+        for name, value in cast(Mapping[str, Any], observation).items():
+            batch.observation[name][row] = np.reshape(value, batch.observation[name].shape[1:])
+    else:
+        batch.observation[SINGLE_ENTRY][row] = observation
+    if batch.action_mask is not None:
+        batch.action_mask[row] = np.asarray(info["action_mask"], np.bool_)
+
+
+def write_finals(batch: Batch, finals: list[tuple[int, Any]]) -> None:
+    """Write the last observations of the episodes that ended, by row."""
+    batch.final_index = np.asarray([row for row, _ in finals], np.int64)
+    for name, array in batch.observation.items():
+        rows = np.zeros((len(finals), *array.shape[1:]), array.dtype)
+        for index, (_, observation) in enumerate(finals):
+            is_named = isinstance(observation, Mapping)
+            value = cast(Mapping[str, Any], observation)[name] if is_named else observation
+            rows[index] = np.reshape(value, array.shape[1:])
+        batch.final_observation[name] = rows
+
+
+def clear_outcome(batch: Batch) -> None:
+    """Set reward and ends to nothing."""
+    batch.reward[:] = 0.0
+    batch.terminated[:] = False
+    batch.truncated[:] = False
+    write_finals(batch, [])
+
+
+def _make(env_id: str, max_episode_steps: int | None) -> GymEnv:
+    try:
+        return gymnasium.make(env_id, max_episode_steps=max_episode_steps, disable_env_checker=True)
+    except (gymnasium.error.Error, ImportError) as error:
+        raise TargetError(
+            f"Gymnasium cannot make {env_id!r}: {error}",
+            "gymnasium.pprint_registry() lists what it knows; MODULE:ENV_ID imports a module first",
+        ) from None
+
+
+def _read_entry(name: str, space: spaces.Space[Any]) -> ObservationEntry:
+    if not isinstance(space, spaces.Box):
+        raise TargetError(
+            f"cannot train on the observation {name}: {space}",
+            "wrap the environment with gymnasium.wrappers.FlattenObservation",
+        )
+    kind = np.dtype(cast(Any, space).dtype)
+    dtype = "uint8" if kind == np.uint8 else "float32" if kind.kind == "f" else "int64"
+    return ObservationEntry(name, dtype, space.shape or (1,), *_bounds(cast(Any, space)))
+
+
+def _bounds(box: Any) -> tuple[Bound, Bound]:
+    return _bound(box.low), _bound(box.high)
+
+
+def _bound(values: NDArray[Any]) -> Bound:
+    flat = [float(value) for value in values.flat]
+    return flat[0] if len(set(flat)) == 1 else tuple(flat)
+
+
+def _join_entries(parts: list[dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
