@@ -1,0 +1,156 @@
+"""What the checks share: the target, its settings, a running engine and a recording of it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Generator
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+
+from ludus.check.recording import Recording, record
+from ludus.engine import resolve_target
+from ludus.errors import ConfigError, EngineError, UsageError
+from ludus.pool import EnginePool, PoolConfig, open_pool
+from ludus.session import EngineSession, LaunchOptions
+from ludus.spec import Spec
+
+__all__ = ["CheckConfig", "CheckContext", "OneEngineOnly"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckConfig:
+    """What to check, and how thoroughly.
+
+    Attributes:
+        target: A bundled example, a project folder, a scene, an exported game, or an address.
+        scene: Scene of the project; None: its main scene.
+        num_worlds: Worlds to play in.
+        num_steps: Steps of random play.
+        seed: Seed of world 0 and of its actions.
+        num_layout_worlds: Worlds when the layouts are compared.
+        timing_s: How long each layout is timed, seconds.
+        godot: Engine to use; None: the one that is found.
+        launch: How games are started and watched.
+    """
+
+    target: str | Path
+    scene: str | None = None
+    num_worlds: int = 4
+    num_steps: int = 300
+    seed: int = 0
+    num_layout_worlds: int = 32
+    timing_s: float = 1.0
+    godot: Path | None = None
+    launch: LaunchOptions = field(default_factory=LaunchOptions)
+
+    def __post_init__(self) -> None:
+        for name in ("num_worlds", "num_steps", "num_layout_worlds"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"{name} is {getattr(self, name)}, it must be at least 1")
+        if self.seed < 0:
+            raise ConfigError(f"seed is {self.seed}, it must not be negative")
+
+
+class OneEngineOnly(UsageError):  # noqa: N818 - reads as what happened
+    """A check needs another process, and the game was started by hand."""
+
+
+class CheckContext:
+    """A target under examination; a context manager that ends all engines.
+
+    Raises:
+        TargetError: There is no such target.
+    """
+
+    def __init__(self, config: CheckConfig) -> None:
+        self.config = config
+        self._target = resolve_target(config.target, scene=config.scene, godot=config.godot)
+        self._main: EnginePool | None = None
+
+    @property
+    def spec(self) -> Spec:
+        """What the game declares with ``num_worlds`` worlds in the layout that it asks for."""
+        return self.recording.spec
+
+    @cached_property
+    def recording(self) -> Recording:
+        """Random play in a fresh engine."""
+        with self.main_pool() as pool:
+            self.engine_version = _engine_version(pool)
+            return record(pool, self.config.seed, self.config.num_steps)
+
+    engine_version: str = ""
+    """Name and version of the engine, known once there is a recording."""
+
+    @contextlib.contextmanager
+    def main_pool(self) -> Generator[EnginePool]:
+        """Lend the engine that checks share; after an error the next one gets a new engine."""
+        if self._main is None:
+            self._main = self._open(PoolConfig(num_worlds=self.config.num_worlds))
+        try:
+            yield self._main
+        except EngineError:
+            self.close()
+            raise
+
+    @contextlib.contextmanager
+    def other_pool(
+        self,
+        num_worlds: int | None = None,
+        layout: str = "scene",
+        max_episode_steps: int | None = None,
+    ) -> Generator[EnginePool]:
+        """Start another engine for one check.
+
+        Raises:
+            OneEngineOnly: The game was started by hand.
+        """
+        if not self._target.is_started_by_us:
+            raise OneEngineOnly(
+                "not checked: it needs another process, and this game was started by hand",
+                hint="name the project instead",
+            )
+        pool = self._open(
+            PoolConfig(
+                num_worlds=num_worlds or self.config.num_worlds,
+                layout=layout,
+                max_episode_steps=max_episode_steps,
+            )
+        )
+        with pool:
+            yield pool
+
+    def close(self) -> None:
+        """End the shared engine; may be called twice."""
+        if self._main is not None:
+            self._main.close()
+            self._main = None
+
+    def __enter__(self) -> CheckContext:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _open(self, config: PoolConfig) -> EnginePool:
+        settings = PoolConfig(
+            scene=self.config.scene,
+            num_worlds=config.num_worlds,
+            layout=config.layout,
+            max_episode_steps=config.max_episode_steps,
+            godot=self.config.godot,
+            launch=self.config.launch,
+        )
+        return open_pool(self.config.target, settings)
+
+
+def _engine_version(pool: EnginePool) -> str:
+    session = pool.sessions[0]
+    return session.hello.engine if isinstance(session, EngineSession) else "unknown"

@@ -1,0 +1,197 @@
+"""Are two recordings the same episodes, up to rounding and the chaos that grows from it?
+
+Copies in a grid lie at other coordinates and are solved in another order, so their numbers differ
+in the last bits, and a chaotic game drifts apart from there. Games that really differ show it in
+the first observation or the first step, jump apart from one step to the next in many worlds, or
+have other episodes on the whole.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ludus.check.difference import Difference, first_difference
+from ludus.check.numbers import differences, element_names, scales
+from ludus.check.recording import Recording
+
+__all__ = ["Comparison", "Verdict", "compare_episodes"]
+
+FIRST_TOLERANCE = 1e-3
+"""Of the first observation, in units of the element's usual size."""
+STEP_TOLERANCE = 2e-2
+"""Of the first step; rounding has grown only a little by then."""
+DIVERGED = 5e-2
+JUMP_FROM = 1e-4
+"""A world that was as close as this and has diverged a step later has jumped."""
+MAX_JUMPING_SHARE = 0.25
+MAX_STANDARD_ERRORS = 5.0
+MIN_EPISODES = 8
+
+
+class Verdict(StrEnum):
+    """How alike two recordings are."""
+
+    EQUAL = "equal to the bit"
+    CLOSE = "close"
+    DIFFERENT = "different"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two recordings of the same seeds and actions.
+
+    Attributes:
+        verdict: How alike they are.
+        reason: Why they count as different, or how close they are.
+        difference: The first number that is not the same to the bit.
+        close_steps: Steps until the first world has drifted apart.
+        largest: Largest difference until then, in units of the elements' usual size.
+    """
+
+    verdict: Verdict
+    reason: str
+    difference: Difference | None
+    close_steps: int
+    largest: float
+
+    def describe(self) -> str:
+        """Say it in a sentence."""
+        if self.verdict is Verdict.EQUAL:
+            return str(self.verdict)
+        return f"{self.verdict}: {self.reason}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the comparison as JSON values."""
+        return {
+            "verdict": str(self.verdict),
+            "reason": self.reason,
+            "close_steps": self.close_steps,
+            "largest_difference": self.largest,
+            "difference": None if self.difference is None else self.difference.to_json(),
+        }
+
+
+def compare_episodes(isolated: Recording, grid: Recording) -> Comparison:
+    """Compare recordings of the same seeds and actions in the two layouts."""
+    found = first_difference(isolated, grid)
+    num_steps = min(isolated.num_steps, grid.num_steps)
+    if found is None:
+        return Comparison(Verdict.EQUAL, "", None, num_steps, 0.0)
+    drift = _Drift(isolated, grid)
+    close_steps, largest = drift.horizon()
+    reason = drift.early_difference() or drift.jumps() or _other_statistics(isolated, grid)
+    if reason:
+        reason += f"; first differing bit: {found.describe('isolated', 'grid')}"
+        return Comparison(Verdict.DIFFERENT, reason, found, close_steps, largest)
+    reason = f"largest difference {largest:.1g} of the usual size"
+    if close_steps < num_steps:
+        reason += f" until step {close_steps}, from where rounding errors grow"
+    return Comparison(Verdict.CLOSE, reason, found, close_steps, largest)
+
+
+class _Drift:
+    """How far each world is from its twin, step by step.
+
+    ``size`` is ``float64[num_steps + 1, num_worlds]`` in units of the usual size of each element; a
+    world whose twin ended an episode at another step has drifted apart for good.
+    """
+
+    def __init__(self, isolated: Recording, grid: Recording) -> None:
+        self._isolated, self._grid = isolated, grid
+        self._scale = scales(isolated)
+        num_worlds = isolated.spec.num_worlds
+        pairs = zip(isolated.frames, grid.frames, strict=False)
+        self.size = np.zeros((min(len(isolated.frames), len(grid.frames)), num_worlds))
+        for step, (one, two) in enumerate(pairs):
+            for policy in isolated.spec.policies:
+                size = differences(policy, one.batches, two.batches, self._scale).max(axis=1)
+                first, second = one.batches[policy.name], two.batches[policy.name]
+                has_ended = first.terminated | first.truncated
+                size[has_ended != (second.terminated | second.truncated)] = np.inf
+                by_world = size.reshape(num_worlds, -1).max(axis=1)
+                self.size[step] = np.maximum(self.size[step], by_world)
+
+    def horizon(self) -> tuple[int, float]:
+        """Return the steps until some world has diverged, and the largest difference till then."""
+        diverged = (self.size > DIVERGED).any(axis=1)
+        steps = int(diverged.argmax()) if diverged.any() else len(self.size)
+        return max(0, steps - 1), float(self.size[:steps].max(initial=0.0))
+
+    def early_difference(self) -> str:
+        """Say what differs too much in the first observation or the first step, if anything."""
+        for step, tolerance in ((0, FIRST_TOLERANCE), (1, STEP_TOLERANCE)):
+            if step < len(self.size) and (self.size[step] > tolerance).any():
+                world = int(self.size[step].argmax())
+                when = "the first observation" if step == 0 else "the first step"
+                return f"{when} of world {world} differs: {self._largest(step, world)}"
+        return ""
+
+    def jumps(self) -> str:
+        """Say where many worlds jump apart from one step to the next, if they do."""
+        was_close = np.maximum.accumulate(self.size, axis=0)[:-1] <= JUMP_FROM
+        jumped = was_close & (self.size[1:] > DIVERGED)
+        worlds = np.flatnonzero(jumped.any(axis=0))
+        if len(worlds) <= MAX_JUMPING_SHARE * self.size.shape[1]:
+            return ""
+        steps = jumped[:, worlds].argmax(axis=0) + 1
+        world, step = int(worlds[steps.argmin()]), int(steps.min())
+        return (
+            f"{len(worlds)} of {self.size.shape[1]} worlds jump apart in one step, world {world} "
+            f"at step {step}: {self._largest(step, world)}"
+        )
+
+    def _largest(self, step: int, world: int) -> str:
+        one, two = self._isolated.world(world), self._grid.world(world)
+        for policy in one.spec.policies:
+            before, after = one.frames[step].batches, two.frames[step].batches
+            size = differences(policy, before, after, self._scale)
+            slot, column = (int(i) for i in np.unravel_index(size.argmax(), size.shape))
+            if size[slot, column] <= 0:
+                continue
+            entry, element = element_names(policy)[column]
+            a = before[policy.name].observation[entry].reshape(policy.num_agents, -1)
+            b = after[policy.name].observation[entry].reshape(policy.num_agents, -1)
+            return (
+                f'{policy.name}.observation["{entry}"][{element}] is {a[slot, element]:.6g} '
+                f"isolated and {b[slot, element]:.6g} in the grid"
+            )
+        return "an episode ended in one layout only"
+
+
+def _other_statistics(isolated: Recording, grid: Recording) -> str:
+    """Say in what the episodes differ on the whole, if in anything."""
+    for name in (policy.name for policy in isolated.spec.policies):
+        one, two = _episodes(isolated, name), _episodes(grid, name)
+        for what, a, b in zip(("length", "return"), one, two, strict=True):
+            if min(len(a), len(b)) < MIN_EPISODES:
+                continue
+            error = np.sqrt(a.var() / len(a) + b.var() / len(b)) + 1e-6 + 1e-3 * abs(a.mean())
+            if abs(a.mean() - b.mean()) > MAX_STANDARD_ERRORS * error:
+                return (
+                    f"{name}: the mean {what} of {len(a)} and {len(b)} episodes is {a.mean():.4g} "
+                    f"isolated and {b.mean():.4g} in the grid"
+                )
+    return ""
+
+
+def _episodes(recording: Recording, policy: str) -> tuple[NDArray[np.float64], ...]:
+    """Return lengths and returns of all complete episodes."""
+    first = recording.frames[0].batches[policy]
+    length, total = np.zeros(first.num_agents), np.zeros(first.num_agents)
+    lengths: list[float] = []
+    totals: list[float] = []
+    for before, frame in zip(recording.frames[:-1], recording.frames[1:], strict=True):
+        batch = frame.batches[policy]
+        acted = before.batches[policy].active
+        length[acted] += 1
+        total[acted] += batch.reward[acted]
+        ended = batch.terminated | batch.truncated
+        lengths += length[ended].tolist()
+        totals += total[ended].tolist()
+        length[ended] = total[ended] = 0
+    return np.array(lengths), np.array(totals)

@@ -1,0 +1,80 @@
+"""Rules that every frame obeys whatever the game does (PROTOCOL.md §7, "Meaning")."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ludus.batch import Batch
+from ludus.check.context import CheckContext
+from ludus.check.finding import Finding, fail, ok
+from ludus.check.recording import Recording
+from ludus.spec import PolicySpec
+
+__all__ = ["check_frame_rules"]
+
+Rule = Callable[[Batch, Batch], NDArray[np.bool_]]
+
+
+def check_frame_rules(context: CheckContext) -> list[Finding]:
+    """Check flags, finals and inactive slots in every frame of random play."""
+    recording = context.recording
+    return [_apply(recording, title, rule, hint) for title, (rule, hint) in _RULES.items()]
+
+
+def _never_both(_: Batch, batch: Batch) -> NDArray[np.bool_]:
+    return batch.terminated & batch.truncated
+
+
+def _finals_where_ended(_: Batch, batch: Batch) -> NDArray[np.bool_]:
+    has_final = np.zeros(batch.num_agents, np.bool_)
+    has_final[batch.final_index] = True
+    return has_final != (batch.terminated | batch.truncated)
+
+
+def _only_where_active(before: Batch, batch: Batch) -> NDArray[np.bool_]:
+    return ~before.active & (batch.terminated | batch.truncated | (batch.reward != 0))
+
+
+def _zeros_where_inactive(_: Batch, batch: Batch) -> NDArray[np.bool_]:
+    seen = np.zeros(batch.num_agents, np.bool_)
+    for values in batch.observation.values():
+        seen |= values.reshape(batch.num_agents, -1).any(axis=1)
+    return ~batch.active & seen
+
+
+def _active_until_end(before: Batch, batch: Batch) -> NDArray[np.bool_]:
+    return before.active & ~batch.active & ~batch.terminated & ~batch.truncated
+
+
+_RULES: dict[str, tuple[Rule, str]] = {
+    "terminated and truncated never both": (_never_both, "is_done() decides first"),
+    "final observations exactly where an episode ended": (_finals_where_ended, ""),
+    "outcomes only for agents that acted": (_only_where_active, ""),
+    "inactive agents observe zeros": (_zeros_where_inactive, ""),
+    "agents are inactive only after an end": (
+        _active_until_end,
+        "an agent that leaves the scene is reported as terminated",
+    ),
+}
+
+
+def _apply(recording: Recording, title: str, rule: Rule, hint: str) -> Finding:
+    for step, policy, slot in _violations(recording, rule):
+        agent = policy.agents[slot]
+        detail = (
+            f"broken at step {step} by policy {policy.name}, world {agent.world}, "
+            f"agent {agent.path or '(joined later)'}"
+        )
+        return fail(title, detail, hint, step=step, policy=policy.name, slot=slot)
+    return ok(title, f"in all {recording.num_steps} steps")
+
+
+def _violations(recording: Recording, rule: Rule) -> Iterator[tuple[int, PolicySpec, int]]:
+    for step in range(1, len(recording.frames)):
+        before, now = recording.frames[step - 1].batches, recording.frames[step].batches
+        for policy in recording.spec.policies:
+            for slot in np.flatnonzero(rule(before[policy.name], now[policy.name])):
+                yield step, policy, int(slot)

@@ -1,0 +1,111 @@
+"""Isolated and grid: do the copies play the same episodes, and how much faster is the grid?"""
+
+from __future__ import annotations
+
+import time
+
+from ludus.check.context import CheckContext, OneEngineOnly
+from ludus.check.episodes import Comparison, Verdict, compare_episodes
+from ludus.check.finding import Finding, fail, info, ok
+from ludus.check.random_actions import RandomActions
+from ludus.check.recording import Recording, record
+from ludus.errors import TargetError
+from ludus.pool import EnginePool
+
+__all__ = ["check_layouts"]
+
+TITLE = "isolated and grid play the same episodes"
+SCRIPT_STEPS = 64
+NUM_SLICES = 8
+GRID_HINT = (
+    "use coordinates local to the scene's root (position, not global_position), and let "
+    "LudusWorld.spacing be larger than anything reaches"
+)
+
+
+def check_layouts(context: CheckContext) -> list[Finding]:
+    """Play in both layouts, compare the episodes and the speed."""
+    num = context.config.num_layout_worlds
+    asks_for_grid = context.spec.layout == "grid"
+    try:
+        with (
+            context.other_pool(num_worlds=num, layout="grid") as grid_pool,
+            context.other_pool(num_worlds=num, layout="isolated") as isolated_pool,
+        ):
+            isolated = record(isolated_pool, context.config.seed, context.config.num_steps)
+            grid = record(grid_pool, context.config.seed, context.config.num_steps)
+            speeds = _agent_steps_per_s((isolated_pool, grid_pool), context)
+    except OneEngineOnly as error:
+        return [info(TITLE, error.message, error.hint)]
+    except TargetError as error:
+        if asks_for_grid:
+            raise
+        return [info(TITLE, f"this scene cannot run in the grid: {error.message}")]
+    comparison = compare_episodes(isolated, grid)
+    return [
+        _verdict(comparison, grid, asks_for_grid=asks_for_grid),
+        _speed(*speeds, num, comparison, asks_for_grid=asks_for_grid),
+    ]
+
+
+def _verdict(comparison: Comparison, grid: Recording, *, asks_for_grid: bool) -> Finding:
+    detail = f"{grid.spec.num_worlds} worlds, {grid.num_steps} steps: {comparison.describe()}"
+    if comparison.verdict is not Verdict.DIFFERENT:
+        return ok(TITLE, detail, **comparison.to_json())
+    if asks_for_grid:
+        return fail(TITLE, detail, GRID_HINT, **comparison.to_json())
+    hint = f"stay isolated, or: {GRID_HINT}"
+    return info("the grid plays other episodes than isolated", detail, hint, **comparison.to_json())
+
+
+def _speed(
+    isolated: float, grid: float, num_worlds: int, comparison: Comparison, *, asks_for_grid: bool
+) -> Finding:
+    title = f"the grid is {grid / isolated:.2g} times as fast as isolated"
+    detail = f"{grid:,.0f} and {isolated:,.0f} agent-steps/s with {num_worlds} worlds in one engine"
+    hint = ""
+    if not asks_for_grid and grid > 1.2 * isolated and comparison.verdict is not Verdict.DIFFERENT:
+        hint = "set LudusWorld.layout to Grid"
+    data = {
+        "num_worlds": num_worlds,
+        "isolated_agent_steps_per_s": isolated,
+        "grid_agent_steps_per_s": grid,
+        "ratio": grid / isolated,
+    }
+    return info(title, detail, hint, **data)
+
+
+def _agent_steps_per_s(
+    pools: tuple[EnginePool, EnginePool], context: CheckContext
+) -> tuple[float, float]:
+    """Time random play in turn, so that what else the machine does hits both; the best counts."""
+    players = [_TimedPlay(pool, context.config.seed) for pool in pools]
+    slice_s = context.config.timing_s / NUM_SLICES
+    slices = [[player.agent_steps_per_s(slice_s) for player in players] for _ in range(NUM_SLICES)]
+    isolated, grid = (max(speeds) for speeds in zip(*slices, strict=True))
+    return isolated, grid
+
+
+class _TimedPlay:
+    """Random play with actions drawn beforehand, where masks do not depend on the game."""
+
+    def __init__(self, pool: EnginePool, seed: int) -> None:
+        spec = pool.spec
+        self._pool = pool
+        self._script = RandomActions(spec, [seed + i for i in range(spec.num_worlds)], SCRIPT_STEPS)
+        self._batches = pool.reset(seed)
+        self._num_agents = sum(policy.num_agents for policy in spec.policies)
+        is_masked = any(policy.has_action_mask for policy in spec.policies)
+        steps = range(0 if is_masked else SCRIPT_STEPS)
+        self._drawn = [self._script.at(step, self._batches) for step in steps]
+
+    def agent_steps_per_s(self, seconds: float) -> float:
+        """Play for some seconds, at least one step."""
+        num_steps, began, elapsed = 0, time.perf_counter(), 0.0
+        while elapsed < seconds or not num_steps:
+            step = num_steps % SCRIPT_STEPS
+            actions = self._drawn[step] if self._drawn else self._script.at(step, self._batches)
+            self._batches = self._pool.step(actions)
+            num_steps += 1
+            elapsed = time.perf_counter() - began
+        return num_steps * self._num_agents / elapsed

@@ -1,0 +1,85 @@
+"""Seeds: equal ones give equal bits, other ones give other episodes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ludus.batch import Batch
+from ludus.check.context import CheckContext, OneEngineOnly
+from ludus.check.difference import first_difference
+from ludus.check.finding import Finding, fail, info, ok, warn
+from ludus.check.recording import Recording, record
+
+__all__ = ["check_seeds"]
+
+RNG_HINT = "draw all random numbers from LudusWorld.of(self).rng, and look at no clock"
+OTHER_SEED = 1_000_003
+
+
+def check_seeds(context: CheckContext) -> list[Finding]:
+    """Check that seeds decide, and nothing else does."""
+    findings = [_same_seed(context), _other_seed(context)]
+    try:
+        return [*findings, _alone_and_together(context)]
+    except OneEngineOnly as error:
+        return [*findings, info("a world alone equals one among others", error.message)]
+
+
+def _same_seed(context: CheckContext) -> Finding:
+    title = "the same seed twice in one process gives the same bits"
+    with context.main_pool() as pool:
+        again = record(pool, context.config.seed, context.recording.num_steps)
+    found = first_difference(context.recording, again)
+    if found is None:
+        return ok(title, f"{again.num_steps} steps of {again.spec.num_worlds} worlds")
+    return fail(title, found.describe("first time", "second time"), RNG_HINT, **found.to_json())
+
+
+def _other_seed(context: CheckContext) -> Finding:
+    title = "other seeds give other first observations"
+    with context.main_pool() as pool:
+        other = pool.reset(context.config.seed + OTHER_SEED)
+    first = context.recording.frames[0].batches
+    differ = [_has_other_observation(first[name], other[name]) for name in first]
+    if any(differ):
+        return ok(title)
+    return warn(
+        title,
+        "every first observation was the same with another seed",
+        "the game uses no randomness, or not LudusWorld.rng; then all worlds see the same episodes",
+    )
+
+
+def _has_other_observation(one: Batch, two: Batch) -> bool:
+    return any(
+        not np.array_equal(values, two.observation[name])
+        for name, values in one.observation.items()
+    )
+
+
+def _alone_and_together(context: CheckContext) -> Finding:
+    """World *i* of N equals a single world with seed + i; isolated layout."""
+    num_worlds, steps = context.spec.num_worlds, context.recording.num_steps
+    title = f"world i of {num_worlds} equals a world alone with seed + i"
+    together = _isolated(context, steps)
+    with context.other_pool(num_worlds=1, layout="isolated") as pool:
+        for world in sorted({0, num_worlds - 1}):
+            alone = record(pool, context.config.seed + world, steps)
+            found = first_difference(together.world(world), alone)
+            if found is not None:
+                text = found.describe(f"world {world} of {num_worlds}", "alone")
+                return fail(
+                    title,
+                    text,
+                    "the copies share something: a static variable, an autoload, a group, "
+                    "get_tree().root",
+                    **found.to_json(),
+                )
+    return ok(title, f"isolated layout, {steps} steps, to the bit")
+
+
+def _isolated(context: CheckContext, steps: int) -> Recording:
+    if context.spec.layout == "isolated":
+        return context.recording
+    with context.other_pool(layout="isolated") as pool:
+        return record(pool, context.config.seed, steps)

@@ -1,0 +1,5 @@
+"""The ``ludus`` command."""
+
+from ludus.cli.main import main
+
+__all__ = ["main"]

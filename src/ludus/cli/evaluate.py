@@ -1,0 +1,76 @@
+"""``ludus evaluate``: play episodes with trained agents and report the returns."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import tyro
+
+__all__ = ["COMMAND", "EvaluateCommand", "run"]
+
+
+@dataclass(frozen=True)
+class EvaluateCommand:
+    """Play complete episodes with the agents of a run and report their returns.
+
+    Attributes:
+        run: Run folder, whose newest checkpoint is taken, or one of its checkpoints.
+        episodes: Episodes of each policy.
+        sample: Draw actions as in training, instead of taking the most probable ones.
+        seed: Seed of worlds and samples.
+        target: Play in this target; none is the one the run was trained in.
+        num_worlds: Worlds in each engine; none is as many as in training.
+        num_engines: Game processes side by side.
+        json: Print one JSON object on stdout.
+    """
+
+    run: tyro.conf.Positional[Path]
+    episodes: int = 20
+    sample: bool = False
+    seed: int = 0
+    target: str | None = None
+    num_worlds: int | None = None
+    num_engines: int = 1
+    json: bool = False
+
+
+COMMAND = EvaluateCommand
+
+
+def run(command: EvaluateCommand) -> int:
+    """Evaluate and print; return 0."""
+    from rich.console import Console
+
+    from ludus.cli.live import evaluation_table
+    from ludus.errors import ConfigError
+    from ludus.train.evaluation import evaluate
+    from ludus.train.run_folder import RunFolder
+    from ludus.train.saved import load_policies
+    from ludus.train.source import open_source
+
+    if command.episodes < 1:
+        raise ConfigError(f"episodes must be at least 1, not {command.episodes}")
+    config = RunFolder.find(command.run).read_config()
+    config = replace(
+        config,
+        target=command.target or config.target,
+        num_worlds=command.num_worlds or config.num_worlds,
+        num_engines=command.num_engines,
+    )
+    pool = open_source(config)
+    try:
+        policies = load_policies(command.run, pool.policies)
+        results = evaluate(
+            policies, pool, command.episodes, deterministic=not command.sample, seed=command.seed
+        )
+    finally:
+        pool.close()
+    if command.json:
+        values = {name: asdict(result) for name, result in results.items()}
+        sys.stdout.write(json.dumps({"run": str(command.run), "policies": values}) + "\n")
+    else:
+        Console().print(evaluation_table(results, title=str(command.run)))
+    return 0

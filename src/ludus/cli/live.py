@@ -1,0 +1,187 @@
+"""Show a training run while it runs: a live view on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections import deque
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TextIO
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from ludus.train.config import TrainConfig
+from ludus.train.evaluation import Evaluation
+from ludus.train.progress import Progress, RunResult
+
+__all__ = ["TerminalReporter", "evaluation_table", "reporter_for", "sparkline"]
+
+BARS = "▁▂▃▄▅▆▇█"
+CURVE_WIDTH = 24
+REFRESH_S, LINE_EVERY_S = 0.25, 2.0
+
+
+class TerminalReporter:
+    """A :class:`~ludus.train.progress.Reporter` that writes to a terminal or a plain stream."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._live: Live | None = None
+        self._shown_at_s = 0.0
+        self._curves: dict[str, Curve] = {}
+
+    def started(self, config: TrainConfig, run: Path) -> None:
+        """Say what is trained, and where it goes."""
+        self._console.print(f"training [bold]{config.target}[/] into {run}", highlight=False)
+        if self._console.is_terminal:
+            self._live = Live(console=self._console, auto_refresh=False, transient=True)
+            self._live.start()
+
+    def updated(self, progress: Progress) -> None:
+        """Show progress, a few times per second at most."""
+        for name, metrics in progress.policies.items():
+            if "mean_return" in metrics:
+                self._curves.setdefault(name, Curve()).add(metrics["mean_return"])
+        now = time.monotonic()
+        if now - self._shown_at_s < (REFRESH_S if self._live else LINE_EVERY_S):
+            return
+        self._shown_at_s = now
+        if self._live:
+            self._live.update(self._picture(progress), refresh=True)
+        else:
+            self._console.print(progress_line(progress), highlight=False, soft_wrap=True)
+
+    def evaluating(self, episodes: int) -> None:
+        """Say that the evaluation begins."""
+        self.stop()
+        self._console.print(f"evaluating over {episodes} episodes", highlight=False)
+
+    def finished(self, result: RunResult) -> None:
+        """Show how the run ended."""
+        self.stop()
+        if result.signum is None:
+            self._console.print(summary_table(result))
+        self._console.print(f"run folder: {result.run}", highlight=False, soft_wrap=True)
+
+    def stop(self) -> None:
+        """End the live view."""
+        if self._live:
+            self._live.stop()
+            self._live = None
+
+    def _picture(self, progress: Progress) -> Group:
+        bar = ProgressBar(progress.total_steps, progress.agent_steps, width=CURVE_WIDTH)
+        table = Table.grid(padding=(0, 2))
+        table.add_row(bar, progress_head(progress))
+        for name, metrics in progress.policies.items():
+            curve = self._curves.get(name, Curve())
+            table.add_row(Text(sparkline(curve.points), style="cyan"), policy_text(name, metrics))
+        return Group(table)
+
+
+class Curve:
+    """The whole history of a number in at most ``2 * CURVE_WIDTH`` points."""
+
+    def __init__(self) -> None:
+        self.points: list[float] = []
+        self._stride = 1
+        self._pending: deque[float] = deque()
+
+    def add(self, value: float) -> None:
+        """Add a value; neighbours are averaged as the history grows."""
+        self._pending.append(value)
+        if len(self._pending) < self._stride:
+            return
+        self.points.append(sum(self._pending) / len(self._pending))
+        self._pending.clear()
+        if len(self.points) >= 2 * CURVE_WIDTH:
+            pairs = zip(self.points[::2], self.points[1::2], strict=True)
+            self.points = [(first + second) / 2 for first, second in pairs]
+            self._stride *= 2
+
+
+def sparkline(values: Sequence[float], width: int = CURVE_WIDTH) -> str:
+    """Return ``values`` as a line of at most ``width`` small bars."""
+    if not values:
+        return ""
+    if len(values) > width:
+        bounds = [len(values) * index // width for index in range(width + 1)]
+        parts = [values[start:stop] for start, stop in itertools.pairwise(bounds)]
+        values = [sum(part) / len(part) for part in parts]
+    low, high = min(values), max(values)
+    scale = (len(BARS) - 1) / (high - low) if high > low else 0.0
+    return "".join(BARS[round((value - low) * scale)] for value in values)
+
+
+def progress_head(progress: Progress) -> str:
+    """Return steps, speed and time of the whole run."""
+    share = min(1.0, progress.agent_steps / progress.total_steps)
+    text = (
+        f"{share:4.0%}  {progress.agent_steps:,} steps  {progress.steps_per_s:,.0f} steps/s  "
+        f"{clock(progress.wall_s)} gone, up to {clock(progress.time_left_s)} left"
+    )
+    return text + (f"  {progress.restarts} restarts" if progress.restarts else "")
+
+
+def policy_text(name: str, metrics: Mapping[str, float]) -> str:
+    """Return the figures of one policy."""
+    if "mean_return" not in metrics:
+        return f"{name}: no episode has ended yet"
+    return (
+        f"{name}: mean return {metrics['mean_return']:.4g} "
+        f"({metrics['min_return']:.4g} to {metrics['max_return']:.4g})"
+    )
+
+
+def progress_line(progress: Progress) -> str:
+    """Return everything in one line, for streams that are no terminal."""
+    policies = (policy_text(name, metrics) for name, metrics in progress.policies.items())
+    return "  ".join([progress_head(progress), *policies])
+
+
+def summary_table(result: RunResult) -> Table:
+    """Return a table of the evaluation, or of the last episodes if there was none."""
+    steps = f"{result.agent_steps:,} agent steps in {clock(result.wall_s)}"
+    table = evaluation_table(
+        result.evaluation, f"{steps} (stopped at {result.stop_reason.replace('_', ' ')})"
+    )
+    if not result.evaluation:
+        for name, mean in result.mean_return.items():
+            table.add_row(name, "training", f"{mean:.4g}", "", "", "", "")
+    return table
+
+
+def evaluation_table(evaluation: Mapping[str, Evaluation], title: str) -> Table:
+    """Return a table with a row per policy."""
+    table = Table(title=title, title_justify="left")
+    for heading in ("policy", "episodes", "mean return", "± std", "min", "max", "length"):
+        table.add_column(heading, justify="left" if heading == "policy" else "right")
+    for name, of in evaluation.items():
+        figures = (of.mean_return, of.std_return, of.min_return, of.max_return, of.mean_length)
+        table.add_row(name, str(of.num_episodes), *(f"{figure:.4g}" for figure in figures))
+    return table
+
+
+def clock(seconds: float) -> str:
+    """Return a duration in the largest fitting units: ``4.2 s``, ``3:07 min``, ``1:02:03 h``."""
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02} h" if hours else f"{minutes}:{rest:02} min"
+
+
+@contextmanager
+def reporter_for(stream: TextIO) -> Generator[TerminalReporter, None, None]:
+    """Give a reporter on ``stream``; its live view ends with the context, whatever happens."""
+    reporter = TerminalReporter(Console(file=stream))  # rich honours NO_COLOR
+    try:
+        yield reporter
+    finally:
+        reporter.stop()

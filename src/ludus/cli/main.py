@@ -1,0 +1,165 @@
+"""From the command line to a command, and from whatever happens there to an exit code.
+
+A command is a module in this package with
+
+- ``COMMAND``: a dataclass that tyro parses, its docstring the help;
+- ``run(command) -> int``: does it and returns the exit code;
+- optionally ``parse(arguments) -> COMMAND``, where one pass of tyro is not enough.
+
+Modules load when their command is called, so that ``ludus --help`` is quick and needs no extra.
+"""
+
+from __future__ import annotations
+
+import importlib
+import logging
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any, NoReturn
+
+from ludus.errors import LudusError, SetupError, UsageError
+from ludus.version import __version__
+
+__all__ = ["COMMANDS", "main"]
+
+COMMANDS: dict[str, tuple[str, str]] = {
+    "train": ("ludus.cli.train", "train agents in a game"),
+    "evaluate": ("ludus.cli.evaluate", "play episodes with trained agents and report the returns"),
+    "play": ("ludus.cli.play", "watch trained agents in a window"),
+    "bench": ("ludus.cli.bench", "measure how fast a game steps, and where the time goes"),
+    "check": ("ludus.cli.check", "check that a game behaves as an environment"),
+    "engine": ("ludus.cli.engine", "install, list and examine game engines"),
+    "addon": ("ludus.cli.addon", "copy the Ludus add-on into a game"),
+}
+"""Module and one line of help, by command."""
+
+EXTRAS = {"platformdirs": "engine", "tyro": "cli", "rich": "cli", "psutil": "cli",
+          "torch": "train", "safetensors": "train", "tensorboard": "train",
+          "matplotlib": "train"}  # fmt: skip
+"""Which extra brings a package that may be missing."""
+
+EXIT_OTHER, EXIT_USAGE, EXIT_INTERRUPTED, EXIT_TERMINATED, EXIT_PIPE = 1, 2, 130, 143, 141
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the ``ludus`` command and return its exit code.
+
+    Args:
+        argv: Arguments without the program's name; None takes the process's.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    is_debug = "--debug" in arguments
+    arguments = [argument for argument in arguments if argument != "--debug"]
+    logging.basicConfig(
+        level=logging.DEBUG if is_debug else logging.WARNING,
+        format="%(levelname)s %(name)s: %(message)s",
+        stream=sys.stderr,
+    )
+    try:
+        with _clean_exit_on_sigterm():
+            return _dispatch(arguments)
+    except KeyboardInterrupt:
+        return _after("interrupted", "", EXIT_INTERRUPTED, is_debug)
+    except BrokenPipeError:
+        # What reads our output has gone; keep the interpreter from complaining at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_PIPE
+    except SystemExit as error:  # tyro after --help or a wrong flag, and SIGTERM
+        return error.code if isinstance(error.code, int) else int(error.code is not None)
+    except Exception as error:
+        return _report(error, is_debug)
+
+
+def usage() -> str:
+    """Return what ``ludus --help`` shows."""
+    width = max(map(len, COMMANDS))
+    lines = [f"  {name:<{width}}  {help_}" for name, (_, help_) in COMMANDS.items()]
+    return "\n".join(
+        [
+            "usage: ludus COMMAND [...]",
+            "",
+            "Train agents in games made with Godot, and put them back into the game.",
+            "",
+            "commands:",
+            *lines,
+            "",
+            "options:",
+            "  -h, --help  show this, or with a command the help of that command",
+            "  --version   show the version",
+            "  --debug     show tracebacks and what is logged",
+            "",
+            "ludus COMMAND --help tells more about a command.",
+            "",
+        ]
+    )
+
+
+def _dispatch(arguments: list[str]) -> int:
+    name = arguments[0] if arguments else "--help"
+    if name in {"-h", "--help", "help"}:
+        sys.stdout.write(usage())
+        return 0 if arguments else EXIT_USAGE
+    if name == "--version":
+        sys.stdout.write(f"ludus {__version__}\n")
+        return 0
+    if name not in COMMANDS:
+        raise _unknown(name)
+    module: Any = importlib.import_module(COMMANDS[name][0])
+    return int(module.run(_parse(module, name, arguments[1:])))
+
+
+def _parse(module: Any, name: str, arguments: list[str]) -> Any:
+    if hasattr(module, "parse"):
+        return module.parse(arguments)
+    import tyro
+
+    return tyro.cli(module.COMMAND, args=arguments, prog=f"ludus {name}")
+
+
+def _unknown(name: str) -> UsageError:
+    import difflib
+
+    close = difflib.get_close_matches(name, COMMANDS, n=1)
+    hint = f"did you mean {close[0]}?" if close else f"commands: {', '.join(COMMANDS)}"
+    return UsageError(f"there is no command {name}", hint)
+
+
+def _after(text: str, hint: str, exit_code: int, is_debug: bool) -> int:
+    """Tell what happened on stderr; return the exit code."""
+    if is_debug:
+        traceback.print_exc()
+    sys.stderr.write(f"{text}\n" + (f"hint: {hint}\n" if hint else ""))
+    return exit_code
+
+
+def _report(error: Exception, is_debug: bool) -> int:
+    """Tell of an error, with a hint; return its exit code."""
+    if isinstance(error, LudusError):
+        return _after(f"error: {error.message}", error.hint, error.exit_code, is_debug)
+    package = (getattr(error, "name", None) or "").partition(".")[0]
+    if isinstance(error, ImportError) and package in EXTRAS:
+        hint = f"pip install 'ludus-rl[{EXTRAS[package]}]'"
+        return _after(f"error: {package} is not installed", hint, SetupError.exit_code, is_debug)
+    text = f"error: {type(error).__name__}: {error}"
+    return _after(text, "this is a defect; --debug shows the traceback", EXIT_OTHER, is_debug)
+
+
+@contextmanager
+def _clean_exit_on_sigterm() -> Generator[None, None, None]:
+    def leave(_: int, __: FrameType | None) -> NoReturn:
+        raise SystemExit(EXIT_TERMINATED)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield  # no signal arrives here
+        return
+    before = signal.signal(signal.SIGTERM, leave)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,160 @@
+"""``ludus train``: train agents in a game."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import signal
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from ludus.errors import ConfigError
+from ludus.spec import PolicySpec
+from ludus.train.config import PPOConfig, TrainConfig
+from ludus.train.layers import lay_over, policy_settings, read_file
+
+__all__ = ["COMMAND", "TrainCommand", "parse", "run"]
+
+PROGRAM = "ludus train"
+
+
+@dataclass(frozen=True)
+class TrainCommand(TrainConfig):
+    """Train agents in a game, and leave a run folder with checkpoints, metrics and a curve.
+
+    Settings come from the scene, then from --config, then from the command line; later ones win.
+    --ppo.* set all policies, --policies.NAME.* one. Ctrl-C saves and stops.
+
+    Attributes:
+        target: What to train in: an example, a project folder, a scene, an exported game, an
+            address, or gym:ENV_ID for any Gymnasium environment.
+        config: TOML file with settings, or the config.json of a run.
+        resume: Folder of a run to go on with; its settings hold unless given anew.
+        json: Print the result as one JSON object on stdout.
+        arguments: What was typed.
+    """
+
+    target: tyro.conf.Positional[str] = ""
+    policies: Annotated[
+        dict[str, PPOConfig], tyro.conf.arg(help_behavior_hint="--policies.NAME.* sets one policy")
+    ] = field(default_factory=dict[str, PPOConfig])
+    config: Path | None = None
+    resume: Path | None = None
+    json: bool = False
+    arguments: tyro.conf.Suppress[tuple[str, ...]] = ()
+
+
+COMMAND = TrainCommand
+
+
+def parse(arguments: Sequence[str]) -> TrainCommand:
+    """Return what was typed, over the file or the resumed run it names.
+
+    Settings of single policies are read in :func:`run`, when the game has told their names.
+    """
+    first = _parse(arguments, TrainCommand(), is_final=False)
+    base = TrainCommand()
+    if first.resume is not None:
+        from ludus.train.run_folder import RunFolder
+
+        folder = RunFolder.find(first.resume)
+        base = replace(_as_command(folder.read_config()), resume=folder.path)
+    if first.config is not None:
+        base = lay_over_command(base, read_file(first.config), str(first.config))
+    command = _parse(arguments, base, is_final=False)
+    if not command.target:
+        raise ConfigError("no target was given", f"name one: {PROGRAM} cartpole")
+    return replace(command, arguments=tuple(arguments))
+
+
+def run(command: TrainCommand) -> int:
+    """Train; return 0, or 128 plus the signal that stopped it."""
+    from ludus.cli.live import reporter_for
+    from ludus.train.loop import train
+
+    with reporter_for(sys.stderr) as reporter:
+        result = train(
+            as_config(command),
+            resume=command.resume,
+            configure=lambda policies: configure(command, policies),
+            reporter=reporter,
+        )
+    reporter.finished(result)
+    if command.json:
+        values: dict[str, Any] = {**asdict(result), "run": str(result.run)}
+        sys.stdout.write(json.dumps(values) + "\n")
+    if result.signum is None:
+        return 0
+    name = signal.Signals(result.signum).name
+    again = f"{PROGRAM} --resume {shlex.quote(str(result.run))}"
+    sys.stderr.write(f"stopped by {name} and saved; go on with: {again}\n")
+    return 128 + result.signum
+
+
+def configure(command: TrainCommand, policies: Mapping[str, PolicySpec]) -> TrainConfig:
+    """Return the effective settings, now that the game has told its policies and theirs.
+
+    What was typed is laid once more over what scene and file say of each policy, so that typed
+    settings win even where they equal the defaults.
+    """
+    typed = command.arguments
+    settings: dict[str, PPOConfig] = {}
+    for name, policy in policies.items():
+        base = replace(command, ppo=_untyped_settings(command, policy), policies={})
+        settings[name] = _parse(typed, base, is_final=False).ppo
+    final = _parse(typed, replace(command, policies=settings), is_final=True)
+    return as_config(final)
+
+
+def as_config(command: TrainCommand) -> TrainConfig:
+    """Return the settings of the run without those of the command."""
+    return TrainConfig(**{part.name: getattr(command, part.name) for part in fields(TrainConfig)})
+
+
+def lay_over_command(command: TrainCommand, values: Mapping[str, Any], where: str) -> TrainCommand:
+    """Return ``command`` with settings from a file."""
+    config = lay_over(as_config(command), values, where)
+    return replace(_as_command(config), resume=command.resume)
+
+
+def _untyped_settings(command: TrainCommand, policy: PolicySpec) -> PPOConfig:
+    """Return what defaults, scene, resumed run and file say of a policy, in this order."""
+    file = read_file(command.config) if command.config else {}
+    if command.resume is None:
+        return policy_settings(TrainConfig(), policy, file)
+    from ludus.train.run_folder import RunFolder
+
+    saved = RunFolder.find(command.resume).read_config()
+    own = saved.policies.get(policy.name, saved.ppo)
+    own = lay_over(own, file.get("ppo", {}), "file, ppo")
+    return lay_over(own, file.get("policies", {}).get(policy.name, {}), "file, policies")
+
+
+def _parse(arguments: Sequence[str], base: TrainCommand, *, is_final: bool) -> TrainCommand:
+    """Read ``arguments`` over ``base``; settings of single policies only if ``is_final``."""
+    kept = list(arguments) if is_final else _without_policies(arguments)
+    return tyro.cli(TrainCommand, args=kept, default=base, prog=PROGRAM)
+
+
+def _without_policies(arguments: Sequence[str]) -> list[str]:
+    """Leave out ``--policies.…`` flags and their values; the final pass reads and checks them."""
+    kept: list[str] = []
+    is_left_out = False
+    for argument in arguments:
+        if argument.startswith("--"):
+            is_left_out = argument.startswith("--policies.") and "=" not in argument
+            if argument.startswith("--policies."):
+                continue
+        elif is_left_out:
+            continue
+        kept.append(argument)
+    return kept
+
+
+def _as_command(config: TrainConfig) -> TrainCommand:
+    return TrainCommand(**{part.name: getattr(config, part.name) for part in fields(TrainConfig)})

@@ -1,0 +1,240 @@
+"""Checkpoints: a folder with ``tensors.safetensors`` and ``state.json``, whole or absent.
+
+::
+
+    checkpoints/step-000000122880/
+        tensors.safetensors     every tensor, "<policy>/<name>"
+        state.json              all the rest, and the hash of the tensors
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import os
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from safetensors import SafetensorError
+from safetensors.torch import load as load_safetensors
+from safetensors.torch import save as save_safetensors
+
+from ludus.errors import CheckpointError
+from ludus.spec import PolicySpec
+from ludus.train.disk import disk_errors, sync_folder, write_synced
+from ludus.train.learner import LearnerState
+
+__all__ = ["Checkpoint", "CheckpointStore", "check_spec", "read_checkpoint", "write_checkpoint"]
+
+FORMAT = 1
+TENSORS, STATE = "tensors.safetensors", "state.json"
+TEMPORARY = ".writing-"
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """All that a run needs to go on.
+
+    Attributes:
+        agent_steps: Agent steps so far.
+        mean_return: Of the last episodes, the mean over policies; None before the first ended.
+        learners: State of each policy's learner.
+        specs: Each policy's spec as in the handshake.
+        fingerprints: Of each policy's spec.
+        config: Effective settings.
+        run: The rest, as JSON values: counters, episode statistics, random streams.
+    """
+
+    agent_steps: int
+    mean_return: float | None
+    learners: dict[str, LearnerState]
+    specs: dict[str, Any]
+    fingerprints: dict[str, str]
+    config: dict[str, Any]
+    run: dict[str, Any]
+
+
+def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
+    """Write a checkpoint folder; ``path`` appears complete or not at all.
+
+    Raises:
+        RunError: The disk is full, or the folder may not be written to.
+    """
+    tensors = {
+        f"{policy}/{name}": tensor.contiguous()
+        for policy, learner in checkpoint.learners.items()
+        for name, tensor in learner.tensors.items()
+    }
+    data = save_safetensors(tensors)
+    state = {
+        "format": FORMAT,
+        "tensors_sha256": hashlib.sha256(data).hexdigest(),
+        "agent_steps": checkpoint.agent_steps,
+        "mean_return": checkpoint.mean_return,
+        "learners": {name: learner.values for name, learner in checkpoint.learners.items()},
+        "specs": checkpoint.specs,
+        "fingerprints": checkpoint.fingerprints,
+        "config": checkpoint.config,
+        "run": checkpoint.run,
+    }
+    temporary = path.with_name(f"{TEMPORARY}{os.getpid()}-{path.name}")
+    with disk_errors(f"the checkpoint {path}"):
+        try:
+            temporary.mkdir(parents=True)
+            write_synced(temporary / TENSORS, data)
+            write_synced(temporary / STATE, json.dumps(state).encode())
+            sync_folder(temporary)
+            temporary.rename(path)
+            sync_folder(path.parent)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+
+
+def read_checkpoint(path: Path) -> Checkpoint:
+    """Return the checkpoint in a folder.
+
+    Raises:
+        CheckpointError: It is missing, incomplete or corrupt.
+    """
+    state = _read_state(path)
+    try:
+        data = (path / TENSORS).read_bytes()
+    except OSError as error:
+        raise _corrupt(path, f"{TENSORS}: {error.strerror}") from None
+    if hashlib.sha256(data).hexdigest() != state.get("tensors_sha256"):
+        raise _corrupt(path, f"{TENSORS} is not what was saved")
+    try:
+        tensors = load_safetensors(data)
+        learners = {
+            name: LearnerState(_of_policy(tensors, name), values)
+            for name, values in state["learners"].items()
+        }
+        return Checkpoint(
+            agent_steps=int(state["agent_steps"]),
+            mean_return=state["mean_return"],
+            learners=learners,
+            specs=state["specs"],
+            fingerprints=state["fingerprints"],
+            config=state["config"],
+            run=state["run"],
+        )
+    except (KeyError, TypeError, ValueError, AttributeError, SafetensorError) as error:
+        raise _corrupt(path, f"{type(error).__name__}: {error}") from None
+
+
+def check_spec(
+    fingerprints: Mapping[str, str], policies: Mapping[str, PolicySpec], path: Path
+) -> None:
+    """Refuse a checkpoint that was trained for other observations or actions.
+
+    Raises:
+        CheckpointError: It names the policy.
+    """
+    hint = "use the scene and version it was trained in, or start a new run"
+    if missing := sorted(policies.keys() - fingerprints.keys()):
+        raise CheckpointError(
+            f"{path} has no policy {missing[0]}; it has {', '.join(fingerprints)}", hint
+        )
+    for name, policy in policies.items():
+        if fingerprints[name] != policy.fingerprint():
+            raise CheckpointError(
+                f"{path} was trained for other observations or actions of policy {name}", hint
+            )
+
+
+class CheckpointStore:
+    """The checkpoints of one run: the newest ones, and the best one besides."""
+
+    def __init__(self, folder: Path, keep: int) -> None:
+        self.folder = folder
+        self._keep = keep
+
+    def paths(self) -> list[Path]:
+        """Return checkpoint folders, oldest first."""
+        return sorted(self.folder.glob("step-*"))
+
+    def write(self, checkpoint: Checkpoint) -> Path:
+        """Save a checkpoint, then drop those that are neither new nor best."""
+        path = self.folder / f"step-{checkpoint.agent_steps:012d}"
+        if not path.exists():  # nothing was learnt since a checkpoint of the same step
+            write_checkpoint(path, checkpoint)
+            self._prune()
+        return path
+
+    def newest(self) -> tuple[Path, Checkpoint]:
+        """Return the newest checkpoint that can be loaded, and where it is.
+
+        Raises:
+            CheckpointError: There is none.
+        """
+        for path in reversed(self.paths()):
+            try:
+                return path, read_checkpoint(path)
+            except CheckpointError as error:
+                log.warning("%s; trying an older one", error.message)
+        raise CheckpointError(
+            f"no checkpoint in {self.folder} can be loaded", "start a new run without --resume"
+        )
+
+    def best(self) -> Path | None:
+        """Return the checkpoint with the highest mean return, None before any has one."""
+        scores = [(score, path) for path in self.paths() if (score := _mean_return(path))]
+        return max(scores)[1] if scores else None
+
+    def clean(self) -> None:
+        """Remove what a killed run left half written."""
+        for path in self.folder.glob(f"{TEMPORARY}*"):
+            shutil.rmtree(path, ignore_errors=True)
+
+    def _prune(self) -> None:
+        best = self.best()
+        for path in self.paths()[: -self._keep]:
+            if path != best:
+                # Hidden first, so that one half removed is never taken for a checkpoint.
+                doomed = path.rename(path.with_name(f"{TEMPORARY}{path.name}"))
+                shutil.rmtree(doomed, ignore_errors=True)
+
+
+def _mean_return(path: Path) -> tuple[float] | None:
+    try:
+        value = _read_state(path).get("mean_return")
+    except CheckpointError:
+        return None
+    return None if value is None else (float(value),)
+
+
+def _read_state(path: Path) -> dict[str, Any]:
+    if not path.is_dir():
+        raise CheckpointError(f"there is no checkpoint {path}", "check the path of the run")
+    try:
+        state: Any = json.loads((path / STATE).read_bytes())
+    except (OSError, ValueError) as error:
+        raise _corrupt(path, f"{STATE}: {error}") from None
+    if not isinstance(state, dict):
+        raise _corrupt(path, f"{STATE} is not an object")
+    values = cast(dict[str, Any], state)
+    if values.get("format") != FORMAT:
+        raise CheckpointError(
+            f"{path} has format {values.get('format')}, this version reads {FORMAT}",
+            "use the version of ludus that wrote it",
+        )
+    return values
+
+
+def _of_policy(tensors: dict[str, Any], policy: str) -> dict[str, Any]:
+    prefix = f"{policy}/"
+    own = {name: value for name, value in tensors.items() if name.startswith(prefix)}
+    return {name.removeprefix(prefix): value for name, value in own.items()}
+
+
+def _corrupt(path: Path, reason: str) -> CheckpointError:
+    return CheckpointError(
+        f"the checkpoint {path} is corrupt: {reason}",
+        "remove that folder; resuming takes the newest one that can be loaded",
+    )

@@ -1,0 +1,150 @@
+"""Evaluation: complete episodes, chosen before they begin."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+
+from ludus.batch import Batch
+from ludus.errors import RunError
+from ludus.pool.interface import Pool
+from ludus.train.episodes import EpisodeTracker
+from ludus.train.learners import policy_seed
+from ludus.train.policy import Policy
+
+__all__ = ["Evaluation", "evaluate"]
+
+MAX_STEPS = 100_000
+"""Steps after which an evaluation gives up waiting for episodes to end."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Returns of one policy over complete episodes.
+
+    Attributes:
+        num_episodes: How many.
+        mean_return: Mean of the undiscounted returns.
+        std_return: Their standard deviation.
+        min_return: The lowest.
+        max_return: The highest.
+        mean_length: Mean of the agent steps.
+        returns: All of them.
+        lengths: All of them.
+    """
+
+    num_episodes: int
+    mean_return: float
+    std_return: float
+    min_return: float
+    max_return: float
+    mean_length: float
+    returns: tuple[float, ...]
+    lengths: tuple[int, ...]
+
+    @classmethod
+    def of(cls, returns: list[float], lengths: list[int]) -> Evaluation:
+        """Summarise episodes; there is at least one."""
+        values = np.asarray(returns)
+        return cls(
+            num_episodes=len(returns),
+            mean_return=float(values.mean()),
+            std_return=float(values.std()),
+            min_return=float(values.min()),
+            max_return=float(values.max()),
+            mean_length=float(np.mean(lengths)),
+            returns=tuple(returns),
+            lengths=tuple(lengths),
+        )
+
+
+class _Quota:
+    """Counts the first episodes of each slot, a number fixed beforehand.
+
+    Taking whichever episodes end first would favour short ones.
+    """
+
+    def __init__(self, first: Batch, num_episodes: int) -> None:
+        self._tracker = EpisodeTracker(first.num_agents, first.num_agents)
+        self._rows = slice(0, first.num_agents)
+        self._tracker.begin(self._rows, first)
+        slots = first.active.nonzero()[0]
+        self._left = np.zeros(first.num_agents, np.int64)
+        if len(slots):
+            each, more = divmod(num_episodes, len(slots))
+            self._left[slots] = each
+            self._left[slots[:more]] += 1
+        self.returns: list[float] = []
+        self.lengths: list[int] = []
+
+    @property
+    def is_met(self) -> bool:
+        return not self._left.any()
+
+    def record(self, batch: Batch) -> None:
+        ended = self._tracker.record(self._rows, batch)
+        if not len(ended):
+            return
+        returns = list(self._tracker.returns)[-len(ended) :]
+        lengths = list(self._tracker.lengths)[-len(ended) :]
+        for slot, episode_return, length in zip(ended.tolist(), returns, lengths, strict=True):
+            if self._left[slot]:
+                self._left[slot] -= 1
+                self.returns.append(episode_return)
+                self.lengths.append(length)
+
+
+def evaluate(
+    policies: Mapping[str, Policy],
+    pool: Pool,
+    episodes: int = 20,
+    *,
+    deterministic: bool = True,
+    seed: int = 0,
+) -> dict[str, Evaluation]:
+    """Play ``episodes`` episodes of every policy and return how they went.
+
+    The episodes are spread evenly over the slots, and each slot's first ones count. Nothing is
+    learnt meanwhile; observation statistics stay as they are.
+
+    Args:
+        policies: One for each policy of the pool.
+        pool: Reset before; in the middle of episodes afterwards.
+        episodes: Complete episodes of each policy.
+        deterministic: Take the most probable actions instead of samples.
+        seed: Seed of worlds and samples.
+
+    Raises:
+        RunError: Some episodes did not end within ``MAX_STEPS`` steps.
+    """
+    generators = {
+        name: None if deterministic else _generator(policy, seed)
+        for name, policy in policies.items()
+    }
+    batches = pool.reset(seed)
+    quotas = {name: _Quota(batches[name], episodes) for name in policies}
+    for _ in range(MAX_STEPS):
+        if all(quota.is_met for quota in quotas.values()):
+            break
+        batches = pool.step(
+            {name: policy.act(batches[name], generators[name]) for name, policy in policies.items()}
+        )
+        for name, quota in quotas.items():
+            quota.record(batches[name])
+    for name, quota in quotas.items():
+        if not quota.is_met or not quota.returns:
+            raise RunError(
+                f"policy {name}: {len(quota.returns)} of {episodes} episodes ended "
+                f"within {MAX_STEPS} steps",
+                "set max_episode_steps",
+            )
+    return {name: Evaluation.of(quota.returns, quota.lengths) for name, quota in quotas.items()}
+
+
+def _generator(policy: Policy, seed: int) -> torch.Generator:
+    device: Any = policy.head.log_std.device
+    return torch.Generator(device).manual_seed(policy_seed(seed, policy.spec.name))

@@ -1,0 +1,152 @@
+"""A training run from start to end."""
+
+from __future__ import annotations
+
+import logging
+import secrets
+from collections.abc import Callable, Generator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import torch
+
+from ludus.pool.interface import Pool
+from ludus.spec import PolicySpec
+from ludus.train.checkpoint import check_spec
+from ludus.train.config import TrainConfig
+from ludus.train.curve import draw_learning_curve
+from ludus.train.evaluation import Evaluation, evaluate
+from ludus.train.interrupt import Interrupts
+from ludus.train.layers import policy_settings
+from ludus.train.learner import Learner
+from ludus.train.learners import make_learners
+from ludus.train.metrics import MetricsLog
+from ludus.train.progress import Reporter, RunResult, SilentReporter
+from ludus.train.run_folder import RunFolder
+from ludus.train.source import open_source
+from ludus.train.trainer import Trainer
+
+__all__ = ["Configure", "train"]
+
+log = logging.getLogger(__name__)
+
+Configure = Callable[[Mapping[str, PolicySpec]], TrainConfig]
+
+
+def train(
+    config: TrainConfig,
+    *,
+    pool: Pool | None = None,
+    resume: Path | None = None,
+    configure: Configure | None = None,
+    reporter: Reporter | None = None,
+) -> RunResult:
+    """Train every policy of a target, leave a run folder, evaluate.
+
+    Ctrl-C and SIGTERM end training early with a checkpoint; the result says so.
+
+    Args:
+        config: Settings. Those of a policy are laid over its scene's, see
+            :func:`ludus.train.layers.policy_settings`.
+        pool: Train in this one and leave it open; None opens what ``config`` names.
+        resume: Folder of a run to go on with, from its newest checkpoint.
+        configure: Gives the settings once the game's policies are known; None keeps ``config``.
+        reporter: Is told how it goes.
+
+    Raises:
+        ConfigError: A setting is unknown or does not fit.
+        CheckpointError: The run to resume has no checkpoint that fits.
+        DivergenceError: A loss became NaN; the state lies in the run folder under ``diverged``.
+        RunError: A file cannot be written.
+        EngineError: An engine failed for good; a checkpoint was written.
+    """
+    reporter = reporter or SilentReporter()
+    folder = RunFolder.find(resume) if resume else RunFolder.create(config)
+    try:
+        with _pool_for(config, pool, folder) as source, _log_file(folder):
+            config = complete(configure(source.policies) if configure else config, source.policies)
+            return _train_in(source, config, folder, resume is not None, reporter)
+    finally:
+        folder.discard_if_unused()
+
+
+def complete(config: TrainConfig, policies: Mapping[str, PolicySpec]) -> TrainConfig:
+    """Return the effective settings: a seed, and settings for every policy there is."""
+    settings = {name: policy_settings(config, spec) for name, spec in policies.items()}
+    seed = secrets.randbits(31) if config.seed is None else config.seed
+    return replace(config, policies=settings, seed=seed)
+
+
+def _train_in(
+    pool: Pool, config: TrainConfig, folder: RunFolder, is_resumed: bool, reporter: Reporter
+) -> RunResult:
+    torch.set_num_threads(config.torch_threads)
+    learners = make_learners(config, pool)
+    trainer = Trainer(config, pool, learners, folder)
+    if is_resumed:
+        store = folder.checkpoints(config.keep_checkpoints)
+        store.clean()
+        path, checkpoint = store.newest()
+        check_spec(checkpoint.fingerprints, pool.policies, path)
+        trainer.resume(checkpoint)
+        MetricsLog.forget_after(folder.metrics, checkpoint.agent_steps)
+        log.info("resumed from %s", path)
+    folder.write_config(config)
+    reporter.started(config, folder.path)
+    with Interrupts() as interrupts:
+        stop_reason = trainer.run(interrupts.is_stopping, reporter)
+    title = f"{config.target or folder.path.name} · PPO"
+    draw_learning_curve(folder.metrics, folder.learning_curve, title)
+    evaluation: dict[str, Evaluation] = {}
+    if stop_reason != "interrupted" and config.evaluation_episodes:
+        reporter.evaluating(config.evaluation_episodes)
+        evaluation = _evaluate(learners, pool, config, folder)
+    return RunResult(
+        run=folder.path,
+        stop_reason=stop_reason,
+        signum=interrupts.signum,
+        agent_steps=trainer.agent_steps,
+        updates=trainer.updates,
+        wall_s=trainer.wall_s,
+        mean_return=trainer.mean_returns(),
+        evaluation=evaluation,
+    )
+
+
+def _evaluate(
+    learners: Mapping[str, Learner], pool: Pool, config: TrainConfig, folder: RunFolder
+) -> dict[str, Evaluation]:
+    policies = {name: learner.policy for name, learner in learners.items()}
+    seed = (config.seed or 0) + 1_000_003  # worlds that training did not begin with
+    evaluation = evaluate(policies, pool, config.evaluation_episodes, seed=seed)
+    folder.write_json("evaluation.json", {name: asdict(of) for name, of in evaluation.items()})
+    return evaluation
+
+
+@contextmanager
+def _pool_for(
+    config: TrainConfig, pool: Pool | None, folder: RunFolder
+) -> Generator[Pool, None, None]:
+    if pool is not None:
+        yield pool
+        return
+    opened = open_source(config, folder.engine_logs)
+    try:
+        yield opened
+    finally:
+        opened.close()
+
+
+@contextmanager
+def _log_file(folder: RunFolder) -> Generator[None, None, None]:
+    """Send what ``ludus`` logs to ``train.log`` as well."""
+    handler = logging.FileHandler(folder.path / "train.log", encoding="utf-8", delay=True)
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    logger = logging.getLogger("ludus")
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        handler.close()

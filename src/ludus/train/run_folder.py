@@ -1,0 +1,138 @@
+"""What a run leaves behind, and where.
+
+::
+
+    runs/<target>-<date>-<time>[-n]/
+        config.json             effective settings; ``ludus train --config`` reads them
+        checkpoints/            see :mod:`ludus.train.checkpoint`
+        metrics.jsonl           see :mod:`ludus.train.metrics`
+        events.out.tfevents…    the same for TensorBoard
+        learning_curve.png
+        evaluation.json
+        train.log
+        engine-logs/            what the game processes printed
+        diverged/               a checkpoint for inspection, after a loss became NaN
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ludus.errors import CheckpointError, RunError
+from ludus.train.checkpoint import CheckpointStore
+from ludus.train.config import TrainConfig
+from ludus.train.disk import disk_errors, write_atomically
+from ludus.train.layers import lay_over, read_file, to_plain
+
+__all__ = ["RunFolder"]
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """The folder of one run.
+
+    Attributes:
+        path: Where it is.
+    """
+
+    path: Path
+
+    @classmethod
+    def create(cls, config: TrainConfig) -> RunFolder:
+        """Make a new, empty folder.
+
+        Raises:
+            RunError: A folder of the name that ``config`` asks for exists, or none can be made.
+        """
+        stem = config.name or f"{_slug(config.target)}-{time.strftime('%Y%m%d-%H%M%S')}"
+        path, attempt = config.runs / stem, 1
+        with disk_errors(f"the run folder {path}"):
+            config.runs.mkdir(parents=True, exist_ok=True)
+            while True:
+                try:
+                    path.mkdir()
+                    return cls(path)
+                except FileExistsError:
+                    if config.name:
+                        raise RunError(
+                            f"the run {path} exists already",
+                            f"ludus train --resume {path} goes on with it",
+                        ) from None
+                attempt += 1
+                path = config.runs / f"{stem}-{attempt}"
+
+    @classmethod
+    def find(cls, path: Path) -> RunFolder:
+        """Return the folder of an existing run; a checkpoint inside it will do, too.
+
+        Raises:
+            CheckpointError: There is no run.
+        """
+        for folder in (path, path.parent.parent):
+            if (folder / "config.json").is_file():
+                return cls(folder)
+        raise CheckpointError(
+            f"{path} is not a run: it has no config.json",
+            "name a folder that ludus train made, such as runs/cartpole-…",
+        )
+
+    @property
+    def metrics(self) -> Path:
+        """JSON lines, one object per update."""
+        return self.path / "metrics.jsonl"
+
+    @property
+    def learning_curve(self) -> Path:
+        """The picture of the learning curve."""
+        return self.path / "learning_curve.png"
+
+    @property
+    def engine_logs(self) -> Path:
+        """Folder for what the engines print."""
+        return self.path / "engine-logs"
+
+    @property
+    def diverged(self) -> Path:
+        """Where the state goes after a loss became NaN; a free name."""
+        path, attempt = self.path / "diverged", 1
+        while path.exists():
+            attempt += 1
+            path = self.path / f"diverged-{attempt}"
+        return path
+
+    def checkpoints(self, keep: int = 3) -> CheckpointStore:
+        """Return the store of this run's checkpoints."""
+        return CheckpointStore(self.path / "checkpoints", keep)
+
+    def read_config(self) -> TrainConfig:
+        """Return the effective settings of the run."""
+        path = self.path / "config.json"
+        return lay_over(TrainConfig(), read_file(path), str(path))
+
+    def write_config(self, config: TrainConfig) -> None:
+        """Save the effective settings."""
+        self.write_json("config.json", to_plain(config))
+
+    def write_json(self, name: str, values: dict[str, Any]) -> None:
+        """Write a small file into the folder, whole or not at all."""
+        path = self.path / name
+        with disk_errors(str(path)):
+            write_atomically(path, json.dumps(values, indent=2).encode() + b"\n")
+
+    def discard_if_unused(self) -> None:
+        """Remove the folder if nothing has been written into it."""
+        if any(path.is_file() for path in self.path.rglob("*")):
+            return
+        for path in sorted(self.path.rglob("*"), reverse=True):
+            path.rmdir()
+        self.path.rmdir()
+
+
+def _slug(target: str) -> str:
+    stem = target.removeprefix("gym:") if target.startswith("gym:") else Path(target).stem
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", stem).strip("-.") or "run"

@@ -1,0 +1,240 @@
+"""The training loop: collect, update, measure, save, until it is time to stop."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ludus.errors import DivergenceError, EngineError
+from ludus.pool.interface import Pool
+from ludus.train.checkpoint import Checkpoint, write_checkpoint
+from ludus.train.collect import Collector
+from ludus.train.config import TrainConfig
+from ludus.train.episodes import EpisodeTracker
+from ludus.train.layers import to_plain
+from ludus.train.learner import Learner
+from ludus.train.metrics import MetricsLog
+from ludus.train.progress import Progress, Reporter, StopReason
+from ludus.train.random_state import random_state, restore_random_state
+from ludus.train.run_folder import RunFolder
+
+__all__ = ["Trainer"]
+
+log = logging.getLogger(__name__)
+
+SPEED_MEMORY = 0.9
+"""Weight of the past in the speed that progress shows."""
+
+
+class Trainer:
+    """All that changes while a run goes on.
+
+    Call :meth:`resume` or not, then :meth:`run`.
+
+    Attributes:
+        updates: Updates so far.
+        wall_s: Seconds of training so far, over all resumptions.
+    """
+
+    def __init__(
+        self, config: TrainConfig, pool: Pool, learners: Mapping[str, Learner], folder: RunFolder
+    ) -> None:
+        self.updates = 0
+        self.wall_s = 0.0
+        self._config = config
+        self._pool = pool
+        self._folder = folder
+        self._learners = learners
+        self._trackers = {
+            name: EpisodeTracker(pool.num_agents(name), config.return_window) for name in learners
+        }
+        self._collector = Collector(pool, learners, self._trackers)
+        self._store = folder.checkpoints(config.keep_checkpoints)
+        self._steps_per_s = 0.0
+        self._saved_at_s, self._saved_at_update = 0.0, 0
+
+    @property
+    def agent_steps(self) -> int:
+        """Agent steps so far, of all policies."""
+        return self._collector.num_steps
+
+    def mean_returns(self) -> dict[str, float]:
+        """Return the mean of the last episodes of each policy that had any."""
+        return {
+            name: float(np.mean(tracker.returns))
+            for name, tracker in self._trackers.items()
+            if tracker.returns
+        }
+
+    def resume(self, checkpoint: Checkpoint) -> None:
+        """Take everything from a checkpoint but the worlds, which begin new episodes."""
+        for name, learner in self._learners.items():
+            learner.load_state(checkpoint.learners[name])
+            self._trackers[name].load_state(checkpoint.run["episodes"][name])
+        self.updates = int(checkpoint.run["updates"])
+        self.wall_s = float(checkpoint.run["wall_s"])
+        self._saved_at_s, self._saved_at_update = self.wall_s, self.updates
+        restore_random_state(checkpoint.run["random"])
+
+    def run(self, is_stopping: Callable[[], bool], reporter: Reporter) -> StopReason:
+        """Train until a limit of the config is reached or ``is_stopping`` says so.
+
+        The last state is saved on every way out but a hard one, and but divergence, which is
+        saved elsewhere.
+        """
+        self._save()
+        metrics = MetricsLog(self._folder.path, self.agent_steps)
+        self._reset()
+        try:
+            while (reason := self._reason_to_stop()) is None:
+                start, steps_before = time.perf_counter(), self.agent_steps
+                times = self._times()
+                is_complete = self._collector.collect(is_stopping)
+                update_start = time.perf_counter()
+                losses = self._update() if is_complete else {}
+                end = time.perf_counter()
+                self.wall_s += end - start
+                if not is_complete:
+                    reason = "interrupted"
+                    break
+                shares = self._shares(times, end - update_start, end - start)
+                speed = (self.agent_steps - steps_before) / (end - start)
+                values = self._run_metrics(speed, shares)
+                policies = {name: self._policy_metrics(name, losses) for name in self._learners}
+                metrics.write(values, policies)
+                reporter.updated(self._progress(speed, policies))
+                if self._is_time_to_save():
+                    self._save()
+                    if self._config.exact_resume:
+                        self._reset()
+        except DivergenceError as error:
+            raise self._save_diverged(error) from None
+        except EngineError:
+            self._save()
+            raise
+        finally:
+            metrics.close()
+        self._save()
+        return reason
+
+    def _reset(self) -> None:
+        """Begin new episodes, in worlds that depend on the seed and the update only."""
+        seed = self._config.seed or 0
+        if self.updates:
+            words = np.random.SeedSequence((seed, self.updates)).generate_state(1, np.uint64)
+            seed = int(words[0] >> np.uint64(2))
+        self._collector.reset(seed)
+
+    def _update(self) -> dict[str, dict[str, float]]:
+        progress = min(1.0, self.agent_steps / self._config.total_steps)
+        losses = {
+            name: learner.update(progress)
+            for name, learner in self._learners.items()
+            if learner.num_steps_left == 0
+        }
+        self.updates += 1
+        return losses
+
+    def _reason_to_stop(self) -> StopReason | None:
+        config = self._config
+        if self.agent_steps >= config.total_steps:
+            return "total_steps"
+        if config.max_time_s is not None and self.wall_s >= config.max_time_s:
+            return "max_time"
+        if config.target_return is None:
+            return None
+        is_there = all(
+            len(tracker.returns) == config.return_window
+            and np.mean(tracker.returns) >= config.target_return
+            for tracker in self._trackers.values()
+        )
+        return "target_return" if is_there else None
+
+    # --- measuring ------------------------------------------------------------------------------
+
+    def _times(self) -> tuple[float, float, float]:
+        times = self._collector.times
+        return times.wait_s, times.act_s, times.record_s
+
+    def _shares(
+        self, before: tuple[float, float, float], update_s: float, total_s: float
+    ) -> dict[str, float]:
+        names = ("wait_share", "act_share", "record_share")
+        spent = zip(names, self._times(), before, strict=True)
+        shares = {name: (now - then) / total_s for name, now, then in spent}
+        return shares | {"update_share": update_s / total_s}
+
+    def _run_metrics(self, speed: float, shares: dict[str, float]) -> dict[str, float]:
+        return {
+            "agent_steps": self.agent_steps,
+            "updates": self.updates,
+            "wall_s": self.wall_s,
+            "steps_per_s": speed,
+            **shares,
+            "restarts": self._pool.num_restarts,
+        }
+
+    def _policy_metrics(
+        self, name: str, losses: Mapping[str, dict[str, float]]
+    ) -> dict[str, float]:
+        tracker = self._trackers[name]
+        episodes = {"episodes": float(tracker.num_episodes)}
+        return tracker.summary() | episodes | losses.get(name, {})
+
+    def _progress(self, speed: float, policies: Mapping[str, Mapping[str, float]]) -> Progress:
+        memory = SPEED_MEMORY if self._steps_per_s else 0.0
+        self._steps_per_s = memory * self._steps_per_s + (1.0 - memory) * speed
+        left_s = (self._config.total_steps - self.agent_steps) / max(self._steps_per_s, 1e-9)
+        if self._config.max_time_s is not None:
+            left_s = min(left_s, self._config.max_time_s - self.wall_s)
+        return Progress(
+            agent_steps=self.agent_steps,
+            total_steps=self._config.total_steps,
+            wall_s=self.wall_s,
+            time_left_s=max(0.0, left_s),
+            steps_per_s=self._steps_per_s,
+            policies=policies,
+            restarts=self._pool.num_restarts,
+        )
+
+    # --- saving ---------------------------------------------------------------------------------
+
+    def _is_time_to_save(self) -> bool:
+        every_s, every = self._config.checkpoint_every_s, self._config.checkpoint_every_updates
+        is_time = every_s is not None and self.wall_s - self._saved_at_s >= every_s
+        return is_time or (every is not None and self.updates - self._saved_at_update >= every)
+
+    def _save(self) -> None:
+        path = self._store.write(self._checkpoint())
+        self._saved_at_s, self._saved_at_update = self.wall_s, self.updates
+        log.debug("saved %s", path)
+
+    def _save_diverged(self, error: DivergenceError) -> DivergenceError:
+        path = self._folder.diverged
+        write_checkpoint(path, self._checkpoint())
+        log.error("%s; the state is in %s", error.message, path)
+        saved = f"the state is in {path}, and the last good checkpoint in {self._store.folder}"
+        return DivergenceError(error.message, f"{error.hint}; {saved}")
+
+    def _checkpoint(self) -> Checkpoint:
+        returns = self.mean_returns().values()
+        run: dict[str, Any] = {
+            "updates": self.updates,
+            "wall_s": self.wall_s,
+            "episodes": {name: tracker.state() for name, tracker in self._trackers.items()},
+            "random": random_state(),
+        }
+        policies = self._pool.policies
+        return Checkpoint(
+            agent_steps=self.agent_steps,
+            mean_return=float(np.mean(list(returns))) if returns else None,
+            learners={name: learner.state() for name, learner in self._learners.items()},
+            specs={name: policy.to_json() for name, policy in policies.items()},
+            fingerprints={name: policy.fingerprint() for name, policy in policies.items()},
+            config=to_plain(self._config),
+            run=run,
+        )
