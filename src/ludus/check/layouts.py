@@ -66,6 +66,8 @@ def _speed(
     hint = ""
     if not asks_for_grid and grid > 1.2 * isolated and comparison.verdict is not Verdict.DIFFERENT:
         hint = "set LudusWorld.layout to Grid"
+    if asks_for_grid and isolated > 1.2 * grid:
+        hint = "set LudusWorld.layout to Isolated, or compare with more worlds"
     data = {
         "num_worlds": num_worlds,
         "isolated_agent_steps_per_s": isolated,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,7 +68,8 @@ def _after_reset(context: CheckContext, pool: EnginePool, fresh: Recording) -> l
         return [info(title, "every episode ended after one step: nothing to forget")]
     played = _second_episode(pool, context.config.seed, num_played)
     worlds = np.flatnonzero(first_ends > num_played)
-    largest = [_compare(context, fresh, played, step, worlds) for step in range(len(fresh.frames))]
+    scale = scales(context.recording)
+    largest = [_compare(scale, fresh, played, step, worlds) for step in range(len(fresh.frames))]
     seen = f"the same episode, after {num_played} steps of another and after none"
     if largest[0].size > FIRST_TOLERANCE:
         detail = f"{seen}: the first observations differ: {largest[0].where}"
@@ -130,9 +132,12 @@ def _first_ends_of_worlds(recording: Recording) -> NDArray[np.int64]:
 
 
 def _compare(
-    context: CheckContext, one: Recording, two: Recording, step: int, worlds: NDArray[np.int64]
+    scale: Mapping[str, NDArray[np.float64]],
+    one: Recording,
+    two: Recording,
+    step: int,
+    worlds: NDArray[np.int64],
 ) -> _Largest:
-    scale = scales(context.recording)
     largest = _Largest(0.0, step, "")
     for world in worlds:
         first, second = one.world(int(world)), two.world(int(world))

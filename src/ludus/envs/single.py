@@ -117,7 +117,8 @@ class LudusEnv(gymnasium.Env[Any, Any]):
         return observation_of(self.policy, {name: values[row] for name, values in entries.items()})
 
     def _info(self, batch: Batch) -> dict[str, Any]:
-        return {} if batch.action_mask is None else {"action_mask": batch.action_mask[0]}
+        # A copy: when an episode ends, the same batch also answers the next reset.
+        return {} if batch.action_mask is None else {"action_mask": batch.action_mask[0].copy()}
 
 
 def _batched(action: Any) -> Any:

@@ -126,7 +126,7 @@ class LudusVectorEnv(VectorEnv[Any, Any, Any]):
     def _reset_some(self, seed: Any, options: dict[str, Any]) -> dict[str, Batch]:
         per_world = self.policy.agents_per_world
         num_worlds = self.pool.spec.num_worlds * self.pool.num_engines
-        seeds = _seed_list(seed, self.num_envs)[::per_world]
+        seeds = _world_seeds(seed, num_worlds, per_world)
         mask = np.asarray(options.get("reset_mask", np.ones(self.num_envs, np.bool_)))
         if mask.shape != (self.num_envs,) or mask.dtype != np.bool_:
             raise UsageError(f"reset_mask must be bool[{self.num_envs}], got {mask.shape}")
@@ -175,12 +175,15 @@ def choose_policy(pool: EnginePool, name: str | None) -> PolicySpec:
     raise UsageError(f"there is no policy {name!r}; the game has {names}")
 
 
-def _seed_list(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int | None]:
+def _world_seeds(
+    seed: int | Sequence[int | None] | None, num_worlds: int, per_world: int
+) -> list[int | None]:
+    """Return a seed per world; the first agent of a world decides for it."""
     if seed is None:
-        return [None] * num_envs
+        return [None] * num_worlds
     if not isinstance(seed, Sequence):
-        return [int(seed) + i for i in range(num_envs)]
+        return [int(seed) + i for i in range(num_worlds)]
     seeds = [None if value is None else int(value) for value in seed]
-    if len(seeds) != num_envs:
-        raise UsageError(f"{len(seeds)} seeds for {num_envs} environments")
-    return seeds
+    if len(seeds) != num_worlds * per_world:
+        raise UsageError(f"{len(seeds)} seeds for {num_worlds * per_world} environments")
+    return seeds[::per_world]

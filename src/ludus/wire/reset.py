@@ -105,11 +105,11 @@ def _read_parameters(text: bytes, num_worlds: int) -> Parameters:
         value = parse_json(text)
     except ValueError as error:
         raise ProtocolError(f"parameters of RESET are not JSON: {error}") from error
-    per_world = cast(list[Any], value) if isinstance(value, list) else [value]
-    if isinstance(value, list) and len(per_world) != num_worlds:
-        per_world = [value]
-    if not all(item is None or isinstance(item, dict) for item in per_world):
+    given = cast(list[Any], value) if isinstance(value, list) else [value] * num_worlds
+    if len(given) != num_worlds or not all(
+        item is None or isinstance(item, dict) for item in given
+    ):
         raise ProtocolError(
             "parameters of RESET must be null, an object or a list of these, one per world"
         )
-    return value
+    return cast(Parameters, value)

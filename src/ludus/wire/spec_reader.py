@@ -156,8 +156,9 @@ class _Reader:
     def bounds(self, size: int, unbounded: float | None) -> tuple[Bound, Bound]:
         low = self.bound("low", size, None if unbounded is None else -unbounded)
         high = self.bound("high", size, unbounded)
-        lows = low if isinstance(low, tuple) else (low,) * size
-        highs = high if isinstance(high, tuple) else (high,) * size
+        count = max(len(bound) for bound in (low, high, (0.0,)) if isinstance(bound, tuple))
+        lows = low if isinstance(low, tuple) else (low,) * count
+        highs = high if isinstance(high, tuple) else (high,) * count
         for smallest, largest in zip(lows, highs, strict=True):
             if smallest > largest:
                 raise self.error("low", f"{smallest} is above high, {largest}")

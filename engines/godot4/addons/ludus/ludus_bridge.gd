@@ -160,7 +160,7 @@ func _serve() -> void:
 	while _phase != Phase.ENDED:
 		var asked := Time.get_ticks_usec()
 		if not _link.receive():
-			_end(_link.error)
+			_fail("" if _link.error.is_empty() else "frame", _link.error)
 			return
 		var got := Time.get_ticks_usec()
 		_wait_us = got - asked

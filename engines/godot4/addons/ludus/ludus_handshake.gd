@@ -5,6 +5,7 @@ extends RefCounted
 const START_TIMEOUT_MS := 60000
 const MIN_TOKEN_LENGTH := 16
 const MAX_WORLDS := 4096
+const LAYOUTS: PackedStringArray = ["scene", "isolated", "grid"]
 const MAIN_SCENE_SETTING := "application/run/main_scene"
 
 ## What the trainer asked for; see PROTOCOL.md §3.
@@ -94,6 +95,9 @@ func _accept(welcome: Dictionary) -> bool:
 	var num_worlds := integer("num_worlds", 1)
 	if num_worlds < 1 or num_worlds > MAX_WORLDS:
 		return _refuse("config", "num_worlds is %d, the limit is %d" % [num_worlds, MAX_WORLDS])
+	var layout := str(config.get("layout", "scene"))
+	if layout not in LAYOUTS:
+		return _refuse("config", "layout is %s, expected %s" % [layout, " or ".join(LAYOUTS)])
 	_link.idle_timeout_ms = integer("idle_timeout_s", 3600) * 1000
 	return true
 

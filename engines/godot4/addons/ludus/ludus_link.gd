@@ -88,6 +88,9 @@ func receive() -> bool:
 	if num_bytes > LudusWire.max_payload_bytes(type):
 		error = "frame of type %d with %d bytes is not allowed" % [type, num_bytes]
 		return false
+	if header[5] != 0 or header.decode_u16(6) != 0:
+		error = "frame of type %d with flags is of another version" % type
+		return false
 	payload = PackedByteArray()
 	if num_bytes > 0:
 		_set_deadline(FRAME_TIMEOUT_MS)

@@ -17,6 +17,11 @@ var _layout_name: String = "scene"
 var _is_drawn: bool = DisplayServer.get_name() != "headless"
 
 
+## Worlds stop when the tree is paused, unlike the bridge above them.
+func _init() -> void:
+	process_mode = Node.PROCESS_MODE_PAUSABLE
+
+
 ## Chooses what [method build] makes: [param num_worlds] copies of [param scene], numbered from
 ## [param first_world]; [param layout_name] is [code]scene[/code], [code]isolated[/code] or
 ## [code]grid[/code].

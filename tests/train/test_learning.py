@@ -1,0 +1,63 @@
+"""Identity environments are solved, and values are what the arithmetic says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from ludus.train.config import PPOConfig, TrainConfig
+from ludus.train.loop import train
+from ludus.train.networks import Inputs
+from ludus.train.saved import load_policies
+from ludus.train.source import open_source
+
+
+def config(target: str, tmp_path: Path, total_steps: int, **ppo: Any) -> TrainConfig:
+    settings: dict[str, Any] = {"hidden_sizes": (32,), "minibatch_size": 128, "rollout_steps": 16}
+    return TrainConfig(
+        target=f"gym:{target}", num_worlds=8, num_engines=2, seed=3, total_steps=total_steps,
+        runs=tmp_path, ppo=PPOConfig(**{**settings, **ppo}),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("target", "total_steps", "at_least"),
+    [
+        ("Identity-discrete-v0", 8_000, 7.6),
+        ("Identity-multi_discrete-v0", 8_000, 7.6),
+        ("Identity-continuous-v0", 25_000, -0.8),
+        ("Masked-v0", 8_000, 7.6),
+        ("Pictures-v0", 4_000, 1.0),
+    ],
+)
+def test_identity_is_solved(target: str, total_steps: int, at_least: float, tmp_path: Path) -> None:
+    ppo = {"learning_rate": 3e-3} if target != "Pictures-v0" else {}
+    result = train(config(target, tmp_path, total_steps, **ppo))
+    assert result.evaluation["agent"].num_episodes == 20
+    assert result.evaluation["agent"].mean_return >= at_least
+
+
+def value_of(target: str, share: float, tmp_path: Path) -> float:
+    """Train with discount 0.9 and return the value of the observation ``share``."""
+    settings = config(
+        target, tmp_path, 25_000, discount=0.9, scale_reward=False, normalise_observation=False,
+        learning_rate=5e-3, max_grad_norm=100.0,
+    )  # fmt: skip
+    result = train(settings)
+    pool = open_source(settings)
+    policy = load_policies(result.run, pool.policies)["agent"]
+    with torch.inference_mode():
+        return float(policy.value(Inputs(torch.tensor([[share]]))))
+
+
+def test_truncation_is_bootstrapped(tmp_path: Path) -> None:
+    """An endless task cut every 5 steps is worth r / (1 - gamma) = 10."""
+    assert value_of("Truncated-v0", 0.5, tmp_path) == pytest.approx(10.0, rel=0.03)
+
+
+def test_termination_is_not(tmp_path: Path) -> None:
+    """Five steps are worth (1 - gamma^5) / (1 - gamma) = 4.0951."""
+    assert value_of("Terminated-v0", 0.0, tmp_path) == pytest.approx(4.0951, rel=0.03)
