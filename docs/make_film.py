@@ -12,13 +12,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import tyro
+from PIL import Image
+
 from ludus.pool import PoolConfig, open_pool
 from ludus.session import LaunchOptions
 from ludus.train.saved import load_policies
-from PIL import Image
 
 FRAMES_PER_SECOND = 60
-WIDTH = 480
+WIDTH = 640
+NUM_COLOURS = 96
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,9 @@ def main(film: Film) -> None:
             batches = pool.reset(1)
             steps_per_second = pool.spec.tick_rate / pool.spec.ticks_per_step
             for _ in range(int(film.seconds * steps_per_second)):
-                actions = {name: policy.act(batches[name], None) for name, policy in policies.items()}
+                actions = {
+                    name: policy.act(batches[name], None) for name, policy in policies.items()
+                }
                 batches = pool.step(actions)
         frames = sorted(Path(folder).glob("*.png"))[film.skip :: film.skip]
         write_gif([Image.open(frame) for frame in frames], film)
@@ -60,8 +64,8 @@ def main(film: Film) -> None:
 def write_gif(frames: list[Image.Image], film: Film) -> None:
     """Scale the frames down, share one palette among them and write them."""
     small = [frame.convert("RGB").resize((WIDTH, WIDTH * 9 // 16)) for frame in frames]
-    palette = small[len(small) // 2].quantize(64)
-    pictures = [frame.quantize(64, palette=palette, dither=Image.Dither.NONE) for frame in small]
+    palette = small[len(small) // 2].quantize(NUM_COLOURS, Image.Quantize.MAXCOVERAGE)
+    pictures = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in small]
     pictures[0].save(
         film.out,
         save_all=True,
