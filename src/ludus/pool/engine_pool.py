@@ -129,10 +129,8 @@ class EnginePool:
 
     def receive(self, engine: int) -> Batches:
         """Wait for one engine's answer; views that its next ``receive`` overwrites."""
-        before = self._last[engine]
-        assert before is not None or not self._is_lost[engine]
-        acted = {name: batch.active.copy() for name, batch in (before or {}).items()}
-        seen = self._remembered(before) if self._max_restarts else None
+        # What comes may overwrite what was there, even if the engine dies on the way.
+        before = _remembered(self._last[engine]) if self._max_restarts else {}
         if not self._is_lost[engine]:
             try:
                 batches = self._sessions[engine].receive()
@@ -140,12 +138,11 @@ class EnginePool:
                 return batches
             except _RESTARTABLE as error:
                 self._note_loss(engine, error)
-        fresh = self._revive(engine)
-        self._last[engine] = {
-            name: _truncated(batch, acted[name], (seen or {})[name])
-            for name, batch in fresh.items()
+        batches = {
+            name: _truncated(batch, *before[name]) for name, batch in self._revive(engine).items()
         }
-        return self._last[engine] or {}
+        self._last[engine] = batches
+        return batches
 
     def step(self, actions: Mapping[str, ActionBatch]) -> Batches:
         """Step all engines; returns copies."""
@@ -182,12 +179,6 @@ class EnginePool:
         return {
             name: _join([batches[name] for batches in parts], policy)
             for name, policy in self._policies.items()
-        }
-
-    def _remembered(self, batches: Batches | None) -> dict[str, dict[str, NDArray[Any]]]:
-        return {
-            name: {entry: values.copy() for entry, values in batch.observation.items()}
-            for name, batch in (batches or {}).items()
         }
 
     def _note_loss(self, engine: int, error: EngineError) -> None:
@@ -314,6 +305,19 @@ def _join(parts: list[Batch], policy: PolicySpec) -> Batch:
             for e in policy.observation
         },
     )
+
+
+def _remembered(
+    batches: Batches | None,
+) -> dict[str, tuple[NDArray[np.bool_], dict[str, NDArray[Any]]]]:
+    """Return copies of who acts and what they see, by policy."""
+    return {
+        name: (
+            batch.active.copy(),
+            {entry: values.copy() for entry, values in batch.observation.items()},
+        )
+        for name, batch in (batches or {}).items()
+    }
 
 
 def _truncated(fresh: Batch, acted: NDArray[np.bool_], seen: Mapping[str, NDArray[Any]]) -> Batch:

@@ -86,7 +86,8 @@ static func _adopt(node: Node) -> LudusWorld:
 		world = LudusWorld.new()
 		scene_root.add_child(world, false, Node.INTERNAL_MODE_BACK)
 	world.attach(scene_root)
-	world.rng.randomize()
+	world.set_seed(randi())
+	world.begin_episode()
 	return world
 
 
