@@ -13,7 +13,7 @@ from ludus.check.finding import Finding, fail, ok
 from ludus.check.recording import Recording
 from ludus.spec import PolicySpec
 
-__all__ = ["check_frame_rules"]
+__all__ = ["RULES", "apply_rule", "check_frame_rules"]
 
 Rule = Callable[[Batch, Batch], NDArray[np.bool_]]
 
@@ -21,7 +21,7 @@ Rule = Callable[[Batch, Batch], NDArray[np.bool_]]
 def check_frame_rules(context: CheckContext) -> list[Finding]:
     """Check flags, finals and inactive slots in every frame of random play."""
     recording = context.recording
-    return [_apply(recording, title, rule, hint) for title, (rule, hint) in _RULES.items()]
+    return [apply_rule(recording, title, rule, hint) for title, (rule, hint) in RULES.items()]
 
 
 def _never_both(_: Batch, batch: Batch) -> NDArray[np.bool_]:
@@ -49,7 +49,7 @@ def _active_until_end(before: Batch, batch: Batch) -> NDArray[np.bool_]:
     return before.active & ~batch.active & ~batch.terminated & ~batch.truncated
 
 
-_RULES: dict[str, tuple[Rule, str]] = {
+RULES: dict[str, tuple[Rule, str]] = {
     "terminated and truncated never both": (_never_both, "is_done() decides first"),
     "final observations exactly where an episode ended": (_finals_where_ended, ""),
     "outcomes only for agents that acted": (_only_where_active, ""),
@@ -59,9 +59,11 @@ _RULES: dict[str, tuple[Rule, str]] = {
         "an agent that leaves the scene is reported as terminated",
     ),
 }
+"""Rule and hint by title; a rule marks the slots that break it, given two frames in a row."""
 
 
-def _apply(recording: Recording, title: str, rule: Rule, hint: str) -> Finding:
+def apply_rule(recording: Recording, title: str, rule: Rule, hint: str) -> Finding:
+    """Apply one rule to every frame; the first place where it is broken is named."""
     for step, policy, slot in _violations(recording, rule):
         agent = policy.agents[slot]
         detail = (

@@ -1,0 +1,90 @@
+"""Every way to be wrong is found, by the check that is there for it; real Godot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from ludus.check import CheckContext, Finding, Status
+from ludus.check.actions import check_actions
+from ludus.check.determinism import check_determinism
+from ludus.check.layouts import check_layouts
+from ludus.check.observations import check_observations
+from ludus.check.resets import check_resets
+from ludus.check.seeds import check_seeds
+from ludus.check.timing import check_timing
+
+pytestmark = pytest.mark.engine
+
+Checked = Callable[..., list[Finding]]
+Check = Callable[[CheckContext], list[Finding]]
+
+CASES: list[tuple[str, Check, Status, str]] = [
+    ("global_random", check_seeds, Status.FAIL, "the same seed twice"),
+    ("own_random", check_seeds, Status.FAIL, "the same seed twice"),
+    ("same_start", check_seeds, Status.WARN, "other seeds"),
+    ("meddling", check_seeds, Status.FAIL, "world i of 3 equals"),
+    ("process_id", check_determinism, Status.FAIL, "two processes"),
+    ("clock", check_timing, Status.FAIL, "the first action acts on what reset returned"),
+    ("resets_all", check_timing, Status.FAIL, "a reset of one world"),
+    ("forgetful", check_resets, Status.FAIL, "reset() forgets"),
+    ("hidden_leftover", check_resets, Status.WARN, "reset() forgets"),
+    ("out_of_bounds", check_observations, Status.FAIL, "out of bounds"),
+    ("constant_entry", check_observations, Status.WARN, "constant elements"),
+    ("unscaled", check_observations, Status.WARN, "neither bounded nor near 1"),
+    ("pointless", check_observations, Status.WARN, "reward"),
+    ("pointless", check_observations, Status.WARN, "episodes end"),
+    ("pointless", check_actions, Status.WARN, "actions have an effect"),
+    ("closed_mask", check_actions, Status.FAIL, "masks leave a choice"),
+    ("global_place", check_layouts, Status.FAIL, "isolated and grid"),
+    ("no_root_2d", check_layouts, Status.INFO, "isolated and grid"),
+]
+
+
+@pytest.mark.parametrize(
+    ("game", "check", "status", "title"), CASES, ids=[f"{case[0]}-{case[3]}" for case in CASES]
+)
+def test_broken_game_is_caught(
+    checked: Checked, game: str, check: Check, status: Status, title: str
+) -> None:
+    findings = checked(game, check)
+    found = [f for f in findings if title in f.title]
+    assert found, [f.title for f in findings]
+    assert found[-1].status is status, found
+    assert found[-1].detail
+
+
+def test_first_divergence_names_step_element_and_both_values(checked: Checked) -> None:
+    (found,) = checked("process_id", check_determinism)
+    assert found.data["step"] == 1
+    assert found.data["what"] == 'observation["observation"]'
+    assert found.data["element"] == [0]
+    assert found.data["tick"] == 2
+    one, two = found.data["values"]
+    assert one != two
+    assert f"{one:.9g}" in found.detail
+    assert f"{two:.9g}" in found.detail
+
+
+def test_divergence_of_seeds_is_in_the_first_observation(checked: Checked) -> None:
+    found = next(f for f in checked("own_random", check_seeds) if f.status is Status.FAIL)
+    assert (found.data["step"], found.data["element"]) == (0, [0])
+
+
+def test_constant_element_is_named(checked: Checked) -> None:
+    found = next(f for f in checked("constant_entry", check_observations) if "constant" in f.title)
+    assert found.data["elements"] == [2]
+    assert "0.25" in found.detail
+
+
+def test_grid_that_plays_otherwise_names_the_first_difference(checked: Checked) -> None:
+    found = checked("global_place", check_layouts)[0]
+    assert found.data["verdict"] == "different"
+    assert found.data["difference"]["step"] == 0
+    assert "the first observation" in found.detail
+
+
+def test_scene_that_cannot_run_in_the_grid_says_why(checked: Checked) -> None:
+    (found,) = checked("no_root_2d", check_layouts)
+    assert "Node2D or Node3D" in found.detail

@@ -1,0 +1,136 @@
+"""``ludus.make`` against known answers and Gymnasium's own checker; real Godot."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import ludus
+from ludus.errors import ActionError, SequenceError, UsageError
+
+pytestmark = pytest.mark.engine
+
+TICKS_PER_STEP = 2
+
+
+@pytest.fixture(scope="module")
+def env(oracle: Path) -> Iterator[ludus.LudusEnv]:
+    env = ludus.make(oracle)
+    yield env
+    env.close()
+
+
+def test_every_step_of_two_episodes_is_as_predicted(env: ludus.LudusEnv) -> None:
+    observation, info = env.reset(seed=7, options={"parameters": {"length": 5}})
+    for episode in (1, 2):
+        random = observation[3]
+        np.testing.assert_array_equal(observation, [episode, 0, -1, random, 0])
+        for step in range(1, 6):
+            action = (step + episode) % 5
+            observation, reward, terminated, truncated, info = env.step(action)
+            expected = [episode, step, action, random, step * TICKS_PER_STEP]
+            np.testing.assert_array_equal(observation, np.array(expected, np.float32))
+            assert reward == pytest.approx(0.1 * step)
+            assert (terminated, truncated) == (step == 5, False)
+        observation, info = env.reset()
+    assert info == {}
+
+
+def test_equal_seeds_give_equal_episodes_and_others_do_not(env: ludus.LudusEnv) -> None:
+    first = [env.reset(seed=3)[0][3], env.reset()[0][3]]
+    again = [env.reset(seed=3)[0][3], env.reset()[0][3]]
+    other = [env.reset(seed=4)[0][3], env.reset()[0][3]]
+    assert first == again
+    assert len({*first, *other}) == 4
+
+
+def test_truncation_is_not_termination(env: ludus.LudusEnv) -> None:
+    env.reset(seed=0, options={"parameters": {"length": 0, "truncate_after": 3}})
+    answers = [env.step(0) for _ in range(3)]
+    assert [answer[2:4] for answer in answers] == [(False, False), (False, False), (False, True)]
+    assert answers[-1][0][:2].tolist() == [1, 3]
+    with pytest.raises(SequenceError, match="outside an episode"):
+        env.step(0)
+    assert env.reset()[0][:2].tolist() == [2, 0]
+
+
+def test_a_step_outside_an_episode_is_refused(env: ludus.LudusEnv) -> None:
+    env.reset(seed=0, options={"parameters": {"length": 1}})
+    assert env.step(0)[2] is True
+    with pytest.raises(SequenceError, match="outside an episode"):
+        env.step(0)
+
+
+def test_misfits_are_refused_and_the_episode_goes_on(env: ludus.LudusEnv) -> None:
+    env.reset(seed=0, options={"parameters": {"length": 5}})
+    with pytest.raises(ActionError, match="out of range 0 to 4"):
+        env.step(5)
+    with pytest.raises(UsageError, match="unknown reset option gravity"):
+        env.reset(options={"gravity": 1})
+    assert env.step(np.int64(4))[0][1] == 1
+
+
+def test_forms_are_those_of_the_spaces(env: ludus.LudusEnv) -> None:
+    observation, _ = env.reset(seed=0)
+    assert observation in env.observation_space
+    observation, reward, terminated, truncated, _ = env.step(env.action_space.sample())
+    assert observation in env.observation_space
+    assert (type(reward), type(terminated), type(truncated)) == (float, bool, bool)
+
+
+@pytest.mark.parametrize("environment", ["ludus/CartPole-v0", "ludus/Pendulum-v0"])
+def test_registered_examples_pass_gymnasiums_checker(environment: str) -> None:
+    with warnings.catch_warnings():
+        # Unbounded observations are allowed, and a window needs a screen.
+        warnings.filterwarnings("ignore", "(?s).*infinity.*")
+        env = gymnasium.make(environment)
+        try:
+            check_env(env.unwrapped, skip_render_check=True, skip_close_check=True)
+        finally:
+            env.close()
+
+
+def test_mixed_actions_and_masks(tasks: Path) -> None:
+    env = ludus.make(tasks / "identity_mixed.tscn")
+    try:
+        observation, info = env.reset(seed=0)
+        assert observation in env.observation_space
+        assert info["action_mask"].dtype == np.bool_
+        kept = info["action_mask"].copy()
+        action = env.action_space.sample()
+        for name, n in zip(*_choices(env), strict=True):
+            action[name] = np.int64(info["action_mask"][:n].argmax())
+        following, *_, next_info = env.step(action)
+        assert following in env.observation_space
+        assert not np.shares_memory(info["action_mask"], next_info["action_mask"])
+        np.testing.assert_array_equal(info["action_mask"], kept)
+        while not (outcome := env.step(action))[2]:
+            pass
+        assert not np.shares_memory(outcome[4]["action_mask"], env.reset()[1]["action_mask"])
+    finally:
+        env.close()
+
+
+def _choices(env: ludus.LudusEnv) -> tuple[list[str], list[int]]:
+    parts = [part for part in env.policy.action if hasattr(part, "n")]
+    return [part.name for part in parts], list(env.policy.nvec)
+
+
+def test_worlds_with_several_agents_are_refused() -> None:
+    with pytest.raises(UsageError, match="has 16 agents, not one"):
+        ludus.make("ball_chase")
+
+
+def test_unknown_settings_are_refused(oracle: Path) -> None:
+    with pytest.raises(UsageError, match="unknown setting"):
+        ludus.make(oracle, num_players=2)
+    with pytest.raises(UsageError, match="render_mode"):
+        ludus.make(oracle, render_mode="rgb_array")
+    with pytest.raises(UsageError, match="no policy 'hero'"):
+        ludus.make(oracle, policy="hero")

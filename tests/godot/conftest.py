@@ -1,0 +1,197 @@
+"""A small Godot project whose scenes and scripts go wrong in many ways, and a real engine."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from ludus.batch import ActionBatch, Batches
+from ludus.engine import EngineKind, InstalledEngine, find_engine, resolve_target
+from ludus.engine.bundled import bundled_root
+from ludus.session import EngineSession, LaunchOptions, open_session
+from ludus.wire.handshake import EngineConfig
+from ludus.wire.reset import ResetRequest
+
+PROJECT = """\
+config_version=5
+
+[application]
+
+config/name="Faults"
+config/features=PackedStringArray("4.4")
+run/main_scene="res://right.tscn"
+
+[debug]
+
+file_logging/enable_file_logging=false
+file_logging/enable_file_logging.pc=false
+"""
+
+# Counts its steps, and goes wrong at step 3 in the way that the parameter `fault` names.
+GAME = """\
+extends Node
+var steps := 0
+var fault := ""
+func is_now(name: String) -> bool:
+	return fault == name and steps == 3
+func apply_action(_action: int) -> void:
+	if is_now("apply_action"):
+		var nobody: Node = null
+		nobody.queue_free()
+	while is_now("hang"):
+		pass
+func get_observation() -> Variant:
+	if is_now("get_observation"):
+		var nothing: Variant = null
+		return nothing.size()
+	if is_now("size"):
+		return PackedFloat32Array([1.0])
+	return {"steps": [steps], "rays": PackedFloat32Array([1, NAN if is_now("nan") else 2.0, 3])}
+func get_reward() -> float:
+	steps += 1
+	return INF if is_now("reward") else 1.0
+func is_done() -> bool:
+	return false
+func reset() -> void:
+	steps = 0
+	fault = LudusWorld.of(self).parameters.get("fault", "")
+"""
+
+SCRIPTS = {
+    "game": GAME,
+    "no_reset": GAME.replace("func reset(", "func begin("),
+    "hangs": GAME + "func _ready() -> void:\n\twhile true:\n\t\tpass\n",
+    "broken": GAME + "this is no GDScript\n",
+    "quits": GAME + "func _ready() -> void:\n\tOS.kill(OS.get_process_id())\n",
+}
+
+HEAD = """\
+[gd_scene format=3]
+[ext_resource type="Script" path="res://{script}.gd" id="1"]
+[ext_resource type="Script" path="res://addons/ludus/ludus_agent.gd" id="2"]
+[ext_resource type="Script" path="res://addons/ludus/ludus_action_component.gd" id="3"]
+[sub_resource type="Resource" id="a"]
+script = ExtResource("3")
+[node name="Root" type="Node"]
+[node name="Cart" type="Node" parent="."]
+script = ExtResource("1")
+"""
+AGENT = """\
+[node name="{name}" type="Node" parent="Cart"]
+script = ExtResource("2")
+ticks_per_step = {ticks}
+"""
+ACTION = 'action = Array[ExtResource("3")]([SubResource("a")])\n'
+RIGHT_AGENT = AGENT.format(name="LudusAgent", ticks=1) + ACTION
+
+SCENES = {
+    "right": HEAD.format(script="game") + RIGHT_AGENT,
+    "no_agent": HEAD.format(script="game"),
+    "no_action": HEAD.format(script="game") + AGENT.format(name="LudusAgent", ticks=1),
+    "disagreeing": HEAD.format(script="game")
+    + RIGHT_AGENT
+    + AGENT.format(name="Other", ticks=4)
+    + ACTION,
+    **{
+        script: HEAD.format(script=script) + RIGHT_AGENT
+        for script in ("no_reset", "hangs", "broken", "quits")
+    },
+}
+
+
+class Game:
+    """Opens sessions with the scenes of the project, and ends them."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._sessions: list[EngineSession] = []
+
+    def open(
+        self,
+        scene: str = "right",
+        start_timeout_s: float = 20.0,
+        step_timeout_s: float = 20.0,
+        num_worlds: int = 1,
+        engine_scene: str | None = None,
+    ) -> EngineSession:
+        target = resolve_target(self.folder, scene=f"res://{scene}.tscn")
+        options = LaunchOptions(start_timeout_s=start_timeout_s, step_timeout_s=step_timeout_s)
+        config = EngineConfig(num_worlds=num_worlds, scene=engine_scene)
+        session = open_session(target, config, options)
+        self._sessions.append(session)
+        return session
+
+    def close(self) -> None:
+        for session in self._sessions:
+            session.close()
+
+    def engines(self) -> list[int]:
+        """Return the ids of all processes that run this project."""
+        own = str(self.folder)
+        return [
+            process.pid
+            for process in psutil.process_iter(["cmdline", "status"])
+            if own in (process.info["cmdline"] or ()) and process.info["status"] != "zombie"
+        ]
+
+
+def reset(session: EngineSession, **parameters: Any) -> Batches:
+    return session.reset(ResetRequest.all_worlds(session.spec.num_worlds, 7, parameters))
+
+
+def step(session: EngineSession, count: int = 1) -> Batches:
+    """Take steps with zero actions; returns what the last one brought."""
+    actions = {
+        name: ActionBatch.zeros(policy, policy.num_agents)
+        for name, policy in session.policies.items()
+    }
+    for _ in range(count - 1):
+        session.send(actions)
+        session.receive()
+    session.send(actions)
+    return session.receive()
+
+
+def is_gone(pid: int, within_s: float) -> bool:
+    """Wait for the end of a process, which need not be a child."""
+    deadline = time.monotonic() + within_s
+    while time.monotonic() < deadline:
+        if not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE:
+            return True
+        time.sleep(0.02)
+    return False
+
+
+@pytest.fixture(scope="session")
+def godot4() -> InstalledEngine:
+    """The real engine; a machine without one fails these tests."""
+    return find_engine(EngineKind.GODOT4)
+
+
+@pytest.fixture(scope="session")
+def faults(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The project; it is imported when the first scene is opened."""
+    folder = tmp_path_factory.mktemp("faults")
+    shutil.copytree(bundled_root() / "addons", folder / "addons")
+    (folder / "project.godot").write_text(PROJECT)
+    for name, text in SCRIPTS.items():
+        (folder / f"{name}.gd").write_text(text)
+    for name, text in SCENES.items():
+        (folder / f"{name}.tscn").write_text(text)
+    return Path(os.path.realpath(folder))
+
+
+@pytest.fixture
+def game(faults: Path) -> Iterator[Game]:
+    """Opens scenes of the project; no engine may be left behind."""
+    made = Game(faults)
+    yield made
+    made.close()
+    assert made.engines() == []

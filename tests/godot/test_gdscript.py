@@ -1,0 +1,56 @@
+"""The add-on's own tests, in GDScript, run by the real engine."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from ludus.engine import InstalledEngine, ensure_imported, read_project
+from ludus.engine.bundled import runnable_bundled_root
+from tests.wire.golden import FOLDER
+
+pytestmark = pytest.mark.engine
+
+
+def run(engine: InstalledEngine, golden: Path) -> tuple[int, str]:
+    project = read_project(runnable_bundled_root())
+    ensure_imported(engine, project)
+    program = str(engine.executable(headless=True))
+    command = [program, "--headless", "--path", str(project.root), "-s", "tests/run_tests.gd"]
+    done = subprocess.run(
+        [*command, "--", f"--golden={golden}"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        timeout=120,
+        check=False,
+    )
+    return done.returncode, done.stdout.decode(errors="replace")
+
+
+def test_all_pass(godot4: InstalledEngine) -> None:
+    code, output = run(godot4, FOLDER)
+    summary = re.search(r"^(\d+) passed, (\d+) failed$", output, re.M)
+    assert summary is not None, output
+    assert code == 0, output
+    assert summary[2] == "0", output
+    assert "SCRIPT ERROR" not in output, output
+    files = list((runnable_bundled_root() / "tests").glob("test_*.gd"))
+    num_tests = sum(file.read_text().count("\nfunc test_") for file in files)
+    assert int(summary[1]) == num_tests > 0, output
+
+
+def test_a_wrong_golden_frame_is_noticed(godot4: InstalledEngine, tmp_path: Path) -> None:
+    folder = tmp_path / "golden"
+    shutil.copytree(FOLDER, folder)
+    described = json.loads((folder / "batch_dictionary.json").read_text())
+    described["content"]["policies"]["scout"]["reward"][1] = 3.0
+    (folder / "batch_dictionary.json").write_text(json.dumps(described))
+    code, output = run(godot4, folder)
+    assert code == 1, output
+    assert "FAILED test_golden.gd test_batch_is_written: batch_dictionary: expected" in output
+    assert re.search(r"^\d+ passed, 1 failed$", output, re.M), output

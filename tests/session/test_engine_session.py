@@ -1,0 +1,536 @@
+"""One engine that keeps the rules, and many that break them."""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ludus.batch import ActionBatch
+from ludus.errors import (
+    ActionError,
+    EngineCrashed,
+    EngineStartError,
+    EngineTimeout,
+    GameError,
+    LudusError,
+    ProtocolError,
+    SequenceError,
+    TargetError,
+    UsageError,
+)
+from ludus.session.engine_session import EngineSession
+from ludus.session.supervision import Supervision
+from ludus.wire.handshake import EngineConfig
+from ludus.wire.reset import ResetRequest
+from tests.fake_engine import FLAT, HELLO, POLICIES, FakeEngine, Talk
+from tests.wire.reference import decode_reset, decode_step, encode_batch, frame, quiet_batch
+
+Behaviour = Callable[[Talk], None]
+TOKEN = "a token of 16 characters"
+
+
+class Opener:
+    """Opens sessions with fake engines, and ends both."""
+
+    def __init__(self) -> None:
+        self.engines: list[FakeEngine] = []
+        self.sessions: list[EngineSession] = []
+
+    def __call__(
+        self,
+        behaviour: Behaviour,
+        spec: dict[str, Any] = FLAT,
+        token: str = "",
+        start_timeout_s: float = 5.0,
+        step_timeout_s: float = 5.0,
+    ) -> EngineSession:
+        engine = FakeEngine(behaviour, spec)
+        self.engines.append(engine)
+        link = engine.link(start_timeout_s)
+        config = EngineConfig(num_worlds=3)
+        session = EngineSession(link, config, Supervision(None), token, step_timeout_s)
+        self.sessions.append(session)
+        return session
+
+    def end(self) -> None:
+        for session in self.sessions:
+            session.close()
+        for engine in self.engines:
+            engine.join()
+
+
+@pytest.fixture
+def open_with() -> Iterator[Opener]:
+    opener = Opener()
+    yield opener
+    opener.end()
+
+
+def obedient(talk: Talk) -> None:
+    talk.greet()
+    talk.serve()
+
+
+def answering(*answers: bytes | dict[str, Any]) -> Behaviour:
+    """An engine that answers its requests with these bytes, or batches with these changes."""
+
+    def behave(talk: Talk) -> None:
+        talk.greet()
+        for answer in answers:
+            talk.read()
+            talk.raw(answer if isinstance(answer, bytes) else talk.batch_frame(**answer))
+        talk.wait_for_the_end()
+
+    return behave
+
+
+def zeros(session: EngineSession) -> dict[str, ActionBatch]:
+    return {
+        name: ActionBatch.zeros(policy, policy.num_agents)
+        for name, policy in session.policies.items()
+    }
+
+
+def reset(session: EngineSession) -> Any:
+    return session.reset(ResetRequest.all_worlds(session.spec.num_worlds, 7))
+
+
+def step(session: EngineSession) -> Any:
+    session.send(zeros(session))
+    return session.receive()
+
+
+# An engine that keeps the rules
+
+
+def test_the_conversation(open_with: Opener) -> None:
+    session = open_with(obedient)
+    assert session.spec.num_worlds == 3
+    assert session.hello.engine == "godot 4.6.3"
+    assert session.pid is None
+    first = reset(session)["cart"]
+    assert first.observation["observation"].tolist() == [[0.0] * 5] * 3
+    for number in (1, 2, 3):
+        batch = step(session)["cart"]
+        assert batch.observation["observation"].tolist() == [[float(number)] * 5] * 3
+    session.close()
+    open_with.engines[0].join()
+    names = [name for name, _ in open_with.engines[0].talk.received]
+    assert names == ["WELCOME", "RESET", "STEP", "STEP", "STEP", "CLOSE"]
+
+
+def test_the_engine_gets_what_was_asked(open_with: Opener) -> None:
+    session = open_with(obedient, POLICIES)
+    session.reset(ResetRequest.all_worlds(2, 2**64 - 1, [{"a": 1}, None]))
+    actions = zeros(session)
+    actions["hero"].discrete[:] = [[3], [1]]
+    actions["hero"].continuous[1] = [0.25, -0.5, 1.0]
+    session.send(actions)
+    session.receive()
+    received = dict(open_with.engines[0].talk.received)
+    assert decode_reset(received["RESET"]) == {
+        "seeds": ["ffffffffffffffff", "0000000000000000"],
+        "actions": [2, 2],
+        "parameters": [{"a": 1}, None],
+    }
+    hero = decode_step(POLICIES, received["STEP"])["policies"]["hero"]
+    assert hero == {"discrete": [[3], [1]], "continuous": [[0.0] * 3, [0.25, -0.5, 1.0]]}
+
+
+def test_an_engine_that_drips(open_with: Opener) -> None:
+    def drip(talk: Talk) -> None:
+        raw = talk.raw
+
+        def drip_raw(data: bytes) -> None:
+            for i in range(len(data)):
+                raw(data[i : i + 1])
+
+        talk.raw = drip_raw  # type: ignore[method-assign]
+        obedient(talk)
+
+    session = open_with(drip)
+    reset(session)
+    assert step(session)["cart"].observation["observation"][2, 4] == 1.0
+
+
+def test_times_are_those_of_the_last_step(open_with: Opener) -> None:
+    session = open_with(answering({"tick": 77, "engine_us": 1, "bridge_us": 2, "wait_us": 3}))
+    reset(session)
+    times = session.times
+    assert (times.tick, times.engine_us, times.bridge_us, times.wait_us) == (77, 1, 2, 3)
+
+
+def test_ping_comes_back(open_with: Opener) -> None:
+    session = open_with(answering(frame("PONG", b"\x00\xff"), frame("PONG", b"")))
+    assert session.ping(b"\x00\xff") == b"\x00\xff"
+    assert session.ping() == b""
+
+
+def test_calls(open_with: Opener) -> None:
+    answers = [b'{"id": 1, "value": [2.5]}', b'{"id": 2.0, "error": "no such wind"}', b'{"id": 3}']
+    session = open_with(answering(*[frame("RESULT", answer) for answer in answers]))
+    assert session.call({"world": 0}, "get_wind", [1]) == [2.5]
+    with pytest.raises(GameError, match="call of set_wind failed: no such wind"):
+        session.call({"world": 0}, "set_wind")
+    assert session.call({"world": 0}, "get_nothing") is None
+
+
+def test_arguments_of_a_call_must_be_json(open_with: Opener) -> None:
+    session = open_with(obedient)
+    with pytest.raises(UsageError, match="arguments of set_wind must be JSON"):
+        session.call({"world": 0}, "set_wind", [object()])
+    reset(session)
+
+
+def test_the_result_of_another_call_is_refused(open_with: Opener) -> None:
+    session = open_with(answering(frame("RESULT", b'{"id": 9, "value": 1}')))
+    with pytest.raises(ProtocolError, match="RESULT of call 9, expected 1"):
+        session.call({"world": 0}, "get_wind")
+    assert_ended(session)
+
+
+def test_closing_twice(open_with: Opener) -> None:
+    session = open_with(obedient)
+    session.close()
+    session.close()
+    assert_ended(session)
+
+
+def assert_ended(session: EngineSession) -> None:
+    with pytest.raises(SequenceError, match="CLOSED"):
+        reset(session)
+
+
+# A caller that breaks the rules
+
+
+def test_step_before_reset(open_with: Opener) -> None:
+    session = open_with(obedient)
+    with pytest.raises(SequenceError, match="step before the first reset"):
+        session.send(zeros(session))
+    reset(session)
+    step(session)
+
+
+def test_receive_without_send(open_with: Opener) -> None:
+    session = open_with(obedient)
+    for prepare in (lambda: None, lambda: reset(session)):
+        prepare()
+        with pytest.raises(SequenceError, match="nothing to receive"):
+            session.receive()
+
+
+def test_send_twice(open_with: Opener) -> None:
+    session = open_with(obedient)
+    reset(session)
+    session.send(zeros(session))
+    with pytest.raises(SequenceError, match=r"(?s)STEP is not allowed.*receive the answer"):
+        session.send(zeros(session))
+    session.receive()
+
+
+def test_a_reset_of_too_few_worlds(open_with: Opener) -> None:
+    session = open_with(obedient)
+    with pytest.raises(UsageError, match="reset of 2 worlds, the engine has 3"):
+        session.reset(ResetRequest.all_worlds(2, 0))
+
+
+def test_wrong_actions_leave_the_session_usable(open_with: Opener) -> None:
+    session = open_with(obedient)
+    reset(session)
+    with pytest.raises(ActionError):
+        session.send(
+            {"cart": ActionBatch(np.zeros((1, 1), np.int64), np.zeros((3, 0), np.float32))}
+        )
+    step(session)
+
+
+# An engine that refuses, or does not fit
+
+
+@pytest.mark.parametrize(
+    ("code", "kind"),
+    [
+        ("version", EngineStartError),
+        ("token", EngineStartError),
+        ("config", TargetError),
+        ("game", GameError),
+        ("sequence", ProtocolError),
+        ("frame", ProtocolError),
+        ("timeout", ProtocolError),
+        ("internal", ProtocolError),
+        ("poetry", ProtocolError),
+    ],
+)
+@pytest.mark.parametrize("when", ["greeting", "step"])
+def test_error_frames(open_with: Opener, code: str, kind: type[LudusError], when: str) -> None:
+    report = {"code": code, "message": "the reason " + "x" * 5000, "hint": "the advice"}
+
+    def behave(talk: Talk) -> None:
+        if when == "step":
+            talk.greet()
+        else:
+            talk.json("HELLO", HELLO)
+        talk.read()
+        talk.json("ERROR", report)
+        talk.wait_for_the_end()
+
+    with pytest.raises(LudusError) as caught:
+        reset(open_with(behave))
+    assert type(caught.value) is kind
+    assert caught.value.message == report["message"]
+    assert caught.value.hint == "the advice"
+
+
+@pytest.mark.parametrize("payload", [b"", b"no json", b"[]", b"\xff"])
+def test_a_malformed_error_ends_the_session(open_with: Opener, payload: bytes) -> None:
+    session = open_with(answering(frame("ERROR", payload)))
+    with pytest.raises(ProtocolError, match="ERROR"):
+        reset(session)
+    assert_ended(session)
+
+
+@pytest.mark.parametrize(
+    ("versions", "upgrade"), [((0, 0), "ludus addon install"), ((2, 9), "pip install --upgrade")]
+)
+def test_versions_that_do_not_fit(
+    open_with: Opener, versions: tuple[int, int], upgrade: str
+) -> None:
+    def behave(talk: Talk) -> None:
+        talk.json("HELLO", {**HELLO, "protocol": {"min": versions[0], "max": versions[1]}})
+        name, payload = talk.read()
+        assert name == "ERROR"
+        assert b'"code":"version"' in payload
+        assert upgrade.encode() in payload
+
+    with pytest.raises(EngineStartError) as caught:
+        open_with(behave)
+    assert upgrade in caught.value.hint
+
+
+@pytest.mark.parametrize("token", ["", "another token of 16", "\ud800", "zwölf"])
+def test_a_wrong_token(open_with: Opener, token: str) -> None:
+    def behave(talk: Talk) -> None:
+        talk.json("HELLO", {**HELLO, "token": token})
+        name, payload = talk.read()
+        assert name == "ERROR"
+        assert b'"code":"token"' in payload
+        assert TOKEN.encode() not in payload
+
+    with pytest.raises(EngineStartError, match="another token"):
+        open_with(behave, token=TOKEN)
+
+
+def test_the_right_token(open_with: Opener) -> None:
+    def behave(talk: Talk) -> None:
+        talk.greet({**HELLO, "token": TOKEN})
+        talk.serve()
+
+    reset(open_with(behave, token=TOKEN))
+    assert f'"token":"{TOKEN}"'.encode() in open_with.engines[0].talk.received[0][1]
+
+
+@pytest.mark.parametrize(
+    ("greeting", "what"),
+    [
+        (frame("SPEC", b"{}"), "the engine sent SPEC in CONNECTED"),
+        (frame("BATCH", b""), "the engine sent BATCH in CONNECTED"),
+        (frame("HELLO", b"[]"), "HELLO must be a JSON object"),
+        (frame("HELLO", b"{}"), "malformed HELLO"),
+        (b"GET / HTTP/1.1\r\n\r\n", "unknown type 47"),
+        (struct.pack("<IBBH", 1 << 25, 1, 0, 0), "HELLO frame of 33554432 bytes, the limit is"),
+        (frame("HELLO", b"{}")[:5] + b"\x01\x00\x00{}", "flags 1"),
+    ],
+)
+def test_a_greeting_that_is_none(open_with: Opener, greeting: bytes, what: str) -> None:
+    def behave(talk: Talk) -> None:
+        talk.raw(greeting)
+        talk.wait_for_the_end()
+
+    with pytest.raises(ProtocolError, match=what):
+        open_with(behave)
+    open_with.engines[0].join()
+
+
+def test_a_spec_that_is_wrong(open_with: Opener) -> None:
+    def behave(talk: Talk) -> None:
+        talk.spec = {**talk.spec, "num_worlds": 0}
+        talk.greet()
+        talk.wait_for_the_end()
+
+    with pytest.raises(ProtocolError, match=r"spec\.num_worlds"):
+        open_with(behave)
+
+
+@pytest.mark.parametrize("when", ["before HELLO", "before SPEC"])
+def test_an_engine_that_never_tells_its_spec(open_with: Opener, when: str) -> None:
+    def behave(talk: Talk) -> None:
+        if when == "before SPEC":
+            talk.json("HELLO", HELLO)
+        talk.wait_for_the_end()
+
+    began = time.monotonic()
+    with pytest.raises(EngineStartError, match=r"(?s)silent for 0\.3 s.*start_timeout_s"):
+        open_with(behave, start_timeout_s=0.3)
+    assert time.monotonic() - began < 2.0
+    open_with.engines[0].join()
+    assert b'"code":"timeout"' in open_with.engines[0].talk.received[-1][1]
+
+
+# An engine that breaks off, or breaks the rules, in the middle
+
+
+def test_an_engine_that_never_answers(open_with: Opener) -> None:
+    session = open_with(answering({}), step_timeout_s=0.3)
+    reset(session)
+    began = time.monotonic()
+    with pytest.raises(EngineTimeout, match=r"silent for 0\.3 s"):
+        step(session)
+    assert time.monotonic() - began < 2.0
+    assert_ended(session)
+
+
+@pytest.mark.parametrize("num_bytes", [0, 4, 8, 50])
+def test_an_engine_that_leaves_in_the_middle_of_a_frame(open_with: Opener, num_bytes: int) -> None:
+    def behave(talk: Talk) -> None:
+        talk.greet()
+        talk.read()
+        talk.raw(talk.batch_frame()[:num_bytes])
+
+    session = open_with(behave)
+    with pytest.raises(EngineCrashed, match="connection to the engine ended"):
+        reset(session)
+    assert_ended(session)
+
+
+def test_an_engine_that_says_goodbye(open_with: Opener) -> None:
+    session = open_with(answering({}, frame("CLOSE", b"")))
+    reset(session)
+    with pytest.raises(EngineCrashed, match="closed the connection"):
+        step(session)
+    assert_ended(session)
+
+
+def flat_payload() -> bytes:
+    return encode_batch(FLAT, quiet_batch(FLAT))
+
+
+@pytest.mark.parametrize(
+    ("answer", "what"),
+    [
+        (frame("BATCH", b""), "BATCH has 0 bytes"),
+        (frame("BATCH", flat_payload()[:-8]), "BATCH has"),
+        (frame("BATCH", flat_payload() + bytes(8)), "BATCH has 8 bytes too many"),
+        (frame("BATCH", flat_payload() + bytes(4096)), "expected at most"),
+        (struct.pack("<IBBH", 2**32 - 1, 6, 0, 0), "the limit is"),
+        (frame("SPEC", b"{}"), "the engine sent SPEC in STEPPING"),
+        (frame("HELLO", b"{}"), "the engine sent HELLO in STEPPING"),
+        (frame("PONG", b"x" * 10_000), "the engine sent PONG in STEPPING"),
+        (frame("RESULT", b"{}"), "the engine sent RESULT in STEPPING"),
+        (frame("STEP", flat_payload()), "the engine sent STEP in STEPPING"),
+        (b"\xff" * 8, "unknown type 255"),
+    ],
+)
+def test_an_answer_that_is_none(open_with: Opener, answer: bytes, what: str) -> None:
+    session = open_with(answering({}, answer))
+    reset(session)
+    with pytest.raises(ProtocolError, match=what):
+        step(session)
+    assert_ended(session)
+    open_with.engines[0].join()
+    last, payload = open_with.engines[0].talk.received[-1]
+    assert last == "ERROR"
+    assert b'"code":"frame"' in payload
+
+
+def test_a_batch_that_nobody_asked_for(open_with: Opener) -> None:
+    twice = frame("BATCH", flat_payload()) * 2
+    session = open_with(answering(twice))
+    reset(session)
+    with pytest.raises(ProtocolError, match="the engine sent BATCH in READY"):
+        session.send(zeros(session))
+    assert_ended(session)
+
+
+def test_an_error_that_nobody_asked_for(open_with: Opener) -> None:
+    report = b'{"code": "game", "message": "out of ammunition"}'
+    session = open_with(answering(frame("BATCH", flat_payload()) + frame("ERROR", report)))
+    reset(session)
+    with pytest.raises(GameError, match="out of ammunition"):
+        session.send(zeros(session))
+    assert_ended(session)
+
+
+# Numbers that are none
+
+
+def batch_with(policy: str, **parts: Any) -> dict[str, Any]:
+    policies = quiet_batch(POLICIES)["policies"]
+    policies[policy] |= parts
+    return {"policies": policies}
+
+
+NAN, INF = float("nan"), float("inf")
+AIM = {"aim": [[0.0] * 3, [0.0, NAN, 0.0]], "health": [[1], [1]]}
+PLACE = {"place": [[[0.0], [0.0]]] * 4 + [[[0.0], [-INF]]] + [[[0.0], [0.0]]]}
+FINAL = {"slots": [4], "observation": {"place": [[[INF], [0.0]]]}}
+
+
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        (
+            batch_with("hero", observation=AIM),
+            'hero: world 1, agent Hero/LudusAgent: observation["aim"][1] is nan at step 2',
+        ),
+        (
+            batch_with("hero", reward=[INF, 0.0]),
+            "hero: world 0, agent Hero/LudusAgent: reward is inf at step 2",
+        ),
+        (
+            batch_with("Ziel ✓", observation=PLACE),
+            "Ziel ✓: world 1, agent Targets/B/LudusAgent: "
+            'observation["place"][1][0] is -inf at step 2',
+        ),
+        (
+            batch_with("Ziel ✓", reward=[0.0, 0.0, NAN, 0.0, 0.0, 0.0]),
+            "Ziel ✓: world 0, agent (joined later): reward is nan at step 2",
+        ),
+        (
+            batch_with("Ziel ✓", final=FINAL),
+            "Ziel ✓: world 1, agent Targets/B/LudusAgent: "
+            'final observation["place"][0][0] is inf at step 2',
+        ),
+    ],
+)
+def test_numbers_must_be_finite(open_with: Opener, content: dict[str, Any], what: str) -> None:
+    def behave(talk: Talk) -> None:
+        talk.greet()
+        talk.read()
+        talk.batch(is_reset=True)
+        talk.read()
+        talk.batch()
+        talk.read()
+        talk.batch(**content)
+        talk.wait_for_the_end()
+
+    session = open_with(behave, POLICIES)
+    reset(session)
+    step(session)
+    with pytest.raises(GameError) as caught:
+        step(session)
+    assert caught.value.message == what
+    assert "division by zero" in caught.value.hint
+    assert_ended(session)
+
+
+def test_huge_numbers_are_finite(open_with: Opener) -> None:
+    huge = [[3.4e38] * 3, [-3.4e38] * 3]
+    observation = {"aim": huge, "health": [[1], [1]]}
+    session = open_with(answering(batch_with("hero", observation=observation)), POLICIES)
+    assert reset(session)["hero"].observation["aim"][1, 2] < -3e38

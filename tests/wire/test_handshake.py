@@ -1,0 +1,97 @@
+"""Greeting and agreement on a version (PROTOCOL.md §3)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from ludus.errors import EngineStartError, ProtocolError
+from ludus.wire import handshake
+from ludus.wire.handshake import EngineConfig, Hello, welcome
+from tests.wire.golden import load
+
+HELLO = {**load("hello").content}
+
+# (the engine's range, ours) → the version chosen, or the side to upgrade
+MATRIX = [
+    ((1, 1), (1, 1), 1),
+    ((1, 3), (1, 1), 1),
+    ((1, 3), (1, 2), 2),
+    ((1, 3), (2, 5), 3),
+    ((2, 2), (1, 3), 2),
+    ((3, 9), (1, 3), 3),
+    ((2, 3), (1, 1), "pip install --upgrade"),
+    ((1, 1), (2, 3), "ludus addon install"),
+    ((0, 0), (1, 1), "ludus addon install"),
+    ((9, 9), (1, 3), "pip install --upgrade"),
+]
+
+
+def hello_of(low: int, high: int) -> Hello:
+    return Hello.from_json({**HELLO, "protocol": {"min": low, "max": high}})
+
+
+@pytest.mark.parametrize(("engine", "ours", "outcome"), MATRIX)
+def test_versions(
+    monkeypatch: pytest.MonkeyPatch,
+    engine: tuple[int, int],
+    ours: tuple[int, int],
+    outcome: int | str,
+) -> None:
+    monkeypatch.setattr(handshake, "PROTOCOL_MIN", ours[0])
+    monkeypatch.setattr(handshake, "PROTOCOL_MAX", ours[1])
+    if isinstance(outcome, int):
+        assert hello_of(*engine).agree() == outcome
+        return
+    with pytest.raises(EngineStartError) as caught:
+        hello_of(*engine).agree()
+    assert outcome in caught.value.hint
+    assert f"protocol {engine[0]} to {engine[1]}, ludus {ours[0]} to {ours[1]}" in str(caught.value)
+
+
+@pytest.mark.parametrize("key", ["protocol", "addon", "engine", "capabilities"])
+def test_a_missing_key_is_named(key: str) -> None:
+    value = {name: part for name, part in HELLO.items() if name != key}
+    with pytest.raises(ProtocolError, match=f"malformed HELLO.*{key}"):
+        Hello.from_json(value)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("protocol", 1),
+        ("protocol", {"min": 1}),
+        ("protocol", {"min": "one", "max": 1}),
+        ("protocol", {"min": None, "max": 1}),
+        ("protocol", {"min": 1, "max": float("inf")}),
+        ("engine", "godot"),
+        ("engine", {"name": "godot"}),
+        ("capabilities", "call"),
+        ("capabilities", None),
+        ("capabilities", {"call": True}),
+    ],
+)
+def test_a_key_of_the_wrong_type_is_refused(key: str, value: Any) -> None:
+    with pytest.raises(ProtocolError, match="malformed HELLO"):
+        Hello.from_json({**HELLO, key: value})
+
+
+def test_the_token_is_optional_and_not_shown() -> None:
+    without = {key: value for key, value in HELLO.items() if key != "token"}
+    assert Hello.from_json(without).token == ""
+    assert "secret" not in repr(Hello.from_json({**HELLO, "token": "secret"}))
+
+
+def test_only_common_capabilities_are_used() -> None:
+    hello = Hello.from_json({**HELLO, "capabilities": ["telepathy", "call"]})
+    assert welcome(1, hello, EngineConfig())["capabilities"] == ["call"]
+
+
+def test_the_answer_carries_the_settings() -> None:
+    config = EngineConfig(scene="res://a.tscn", num_worlds=7, first_world=14, layout="grid")
+    answer = welcome(1, hello_of(1, 1), config, "a-token-of-16-chars")
+    assert answer["config"]["num_worlds"] == 7
+    assert answer["config"]["first_world"] == 14
+    assert answer["config"]["ticks_per_step"] is None
+    assert answer["token"] == "a-token-of-16-chars"
