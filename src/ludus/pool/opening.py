@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ludus.engine import Target, plan_cores, resolve_target
+from ludus.engine import Target, allowed_cores, plan_cores, resolve_target
 from ludus.errors import ConfigError
 from ludus.pool.engine_pool import EnginePool
 from ludus.session import EngineSession, LaunchOptions, open_session
 from ludus.wire.handshake import EngineConfig
 
 __all__ = ["PoolConfig", "open_pool"]
+
+DEFAULT_SPIN_US = 1000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +32,8 @@ class PoolConfig:
         log_dir: Folder for the engines' output.
         max_restarts: How often, in all, an engine that died or froze is started again.
         is_pinned: Give each engine a core of its own.
+        spin_us: How long both sides look for a message again and again before they sleep; None:
+            1000 where a core is left beside the engines, else 0.
         launch: How games are started and watched.
     """
 
@@ -42,6 +47,7 @@ class PoolConfig:
     log_dir: Path | None = None
     max_restarts: int = 0
     is_pinned: bool = True
+    spin_us: int | None = None
     launch: LaunchOptions = field(default_factory=LaunchOptions)
 
 
@@ -95,4 +101,14 @@ def _engine_config(config: PoolConfig, engine: int) -> EngineConfig:
         layout=config.layout,
         ticks_per_step=config.ticks_per_step,
         max_episode_steps=config.max_episode_steps,
+        spin_us=_spin_us(config),
     )
+
+
+def _spin_us(config: PoolConfig) -> int:
+    """Spinning pays where it takes no core from an engine: a sleeper wakes slowly, caches cold."""
+    if config.spin_us is not None:
+        return config.spin_us
+    num_cores = len(allowed_cores() or ()) or os.cpu_count() or 1
+    is_free = config.num_engines < num_cores and not config.launch.is_real_time
+    return DEFAULT_SPIN_US if is_free else 0

@@ -81,6 +81,8 @@ class EngineSession:
         self._encoder = StepEncoder(self._spec)
         self._decoder = BatchDecoder(self._spec)
         link.timeout_s = step_timeout_s
+        if config.spin_us:
+            link.spin(config.spin_us * 1e-6)
 
     @property
     def spec(self) -> Spec:

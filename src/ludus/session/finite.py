@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -49,7 +50,7 @@ def _check(
 ) -> None:
     # A dot product is the cheapest way to see all elements; it may overflow where all are finite.
     flat = values.reshape(-1)
-    if np.isfinite(np.dot(flat, flat)) or np.isfinite(flat).all():
+    if math.isfinite(np.dot(flat, flat)) or np.isfinite(flat).all():
         return
     row, *element = (int(i) for i in np.argwhere(~np.isfinite(values))[0])
     slot = row if slots is None else int(slots[row])

@@ -28,6 +28,7 @@ class EngineConfig:
         ticks_per_step: Physics ticks per decision; None: what the agents say.
         max_episode_steps: Steps until truncation; None: what the agents say.
         idle_timeout_s: How long the engine waits for the next request, seconds.
+        spin_us: How long it looks for the request again and again before it sleeps.
     """
 
     scene: str | None = None
@@ -37,6 +38,7 @@ class EngineConfig:
     ticks_per_step: int | None = None
     max_episode_steps: int | None = None
     idle_timeout_s: int = 3600
+    spin_us: int = 0
 
     def to_json(self) -> dict[str, Any]:
         """Return the object of PROTOCOL.md §3."""

@@ -186,7 +186,7 @@ def _read_final(
     buffer: bytearray, policy: PolicySpec, batch: Batch, offset: int, count: int
 ) -> None:
     index = np.frombuffer(buffer, "<u4", count, offset).astype(np.int64)
-    if index[-1] >= policy.num_agents or (count > 1 and np.any(np.diff(index) <= 0)):
+    if index[-1] >= policy.num_agents or not (index[1:] > index[:-1]).all():
         raise ProtocolError(f"final slots of {policy.name} are out of range or not ascending")
     offset += padded(count * 4)
     batch.final_index = index

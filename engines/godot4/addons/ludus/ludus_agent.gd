@@ -97,6 +97,15 @@ func join_batch(batch: LudusPolicyBatch, slot: int) -> void:
 	_slot = slot
 
 
+## Whether the agent is about to leave the scene.
+func is_leaving() -> bool:
+	return (
+		is_queued_for_deletion()
+		or target.is_queued_for_deletion()
+		or world.root.is_queued_for_deletion()
+	)
+
+
 ## Path inside the world, for messages.
 func path_in_world() -> String:
 	var own_world := world if world != null else LudusWorld.find_above(self)

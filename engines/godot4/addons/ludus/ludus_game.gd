@@ -11,7 +11,9 @@ var ticks_per_step: int = 1
 
 var _stage: LudusStage
 var _slots_per_world: Dictionary[String, int] = {}
-var _max_episode_steps: int = 0
+var _num_agents_in_world: int = 0
+## Whether each agent's episode ends by itself.
+var _is_per_agent: bool = true
 ## Worlds that were made anew and wait until the engine knows their nodes.
 var _fresh_worlds: Array[LudusWorld] = []
 ## Worlds that have begun an episode in this step and ask for settle ticks.
@@ -25,7 +27,6 @@ func _init(stage: LudusStage) -> void:
 ## Builds the worlds and gathers their agents into policies. Returns false and sets [member error]
 ## if the scene cannot be trained. A limit of 0 steps or ticks leaves the choice to the agents.
 func open(max_episode_steps: int, ticks_override: int) -> bool:
-	_max_episode_steps = max_episode_steps
 	if not _stage.build():
 		error = _stage.error
 		return false
@@ -40,6 +41,8 @@ func open(max_episode_steps: int, ticks_override: int) -> bool:
 		for slot: int in agents.size():
 			worlds.append(slot / _slots_per_world[name])
 		policies.append(LudusPolicyBatch.new(name, agents, worlds, max_episode_steps))
+		_num_agents_in_world += _slots_per_world[name]
+	_is_per_agent = _stage.worlds[0].episode_mode == LudusWorld.Episode.AGENT
 	_choose_ticks(ticks_override)
 	_gather_errors()
 	return error.is_empty()
@@ -94,9 +97,8 @@ func collect() -> void:
 		_admit_newcomers()
 	var ended := PackedInt32Array()
 	for policy: LudusPolicyBatch in policies:
-		var num_slots := _slots_per_world[policy.policy_name]
 		for slot: int in policy.final_slots:
-			_continue_after(policy, slot, slot / num_slots, ended)
+			_continue_after(policy, slot, ended)
 	for i: int in ended:
 		_begin_world(i)
 	_gather_errors()
@@ -223,23 +225,21 @@ func _rebuild_all() -> void:
 
 
 ## An agent's own next episode, or the next episode of its world once all have ended.
-func _continue_after(policy: LudusPolicyBatch, slot: int, i: int, ended: PackedInt32Array) -> void:
-	var world := _stage.worlds[i]
+func _continue_after(policy: LudusPolicyBatch, slot: int, ended: PackedInt32Array) -> void:
 	var agent := policy.agents[slot]
-	var is_alone := world.episode_mode == LudusWorld.Episode.AGENT and agent != null
-	if is_alone and _num_agents_in_world() > 1:
+	if agent != null and _is_per_agent and not agent.is_leaving():
+		var world := agent.world
 		world.begin_episode()
+		if _num_agents_in_world == 1:
+			world.episode_started.emit()
+			if world.settle_ticks > 0:
+				_settling.append(world)
 		agent.target.reset()
 		policy.activate(slot)
-	elif not _has_active(i) and i not in ended:
+		return
+	var i := slot / _slots_per_world[policy.policy_name]
+	if not _has_active(i) and i not in ended:
 		ended.append(i)
-
-
-func _num_agents_in_world() -> int:
-	var total := 0
-	for name: String in _slots_per_world:
-		total += _slots_per_world[name]
-	return total
 
 
 func _has_active(i: int) -> bool:
@@ -266,7 +266,7 @@ func _is_complete(i: int) -> bool:
 		var num_own: int = num_slots - spare.get(policy.policy_name, 0)
 		for slot: int in range(i * num_slots, (i + 1) * num_slots):
 			var agent := policy.agents[slot]
-			var is_gone := agent == null or agent.is_queued_for_deletion()
+			var is_gone := agent == null or agent.is_leaving()
 			if (slot - i * num_slots < num_own) == is_gone:
 				return false
 	return true

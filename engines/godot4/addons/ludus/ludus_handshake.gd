@@ -5,6 +5,7 @@ extends RefCounted
 const START_TIMEOUT_MS := 60000
 const MIN_TOKEN_LENGTH := 16
 const MAX_WORLDS := 4096
+const MAX_SPIN_US := 100000
 const LAYOUTS: PackedStringArray = ["scene", "isolated", "grid"]
 const MAIN_SCENE_SETTING := "application/run/main_scene"
 
@@ -99,6 +100,7 @@ func _accept(welcome: Dictionary) -> bool:
 	if layout not in LAYOUTS:
 		return _refuse("config", "layout is %s, expected %s" % [layout, " or ".join(LAYOUTS)])
 	_link.idle_timeout_ms = integer("idle_timeout_s", 3600) * 1000
+	_link.spin_us = clampi(integer("spin_us", 0), 0, MAX_SPIN_US)
 	return true
 
 

@@ -19,6 +19,8 @@ var error: String = ""
 
 ## The nodes that have the five methods, beside [member agents].
 var _targets: Array[Object] = []
+## Numbers in an observation that is one float32 entry; -1 if it is more than that.
+var _flat_size: int = -1
 var _lost: LudusLostTarget
 var _slot_worlds: PackedInt32Array = []
 var _discrete: PackedInt64Array = []
@@ -39,6 +41,8 @@ func _init(
 	layout = LudusPolicyLayout.new(members[0], max_steps_override)
 	error = layout.error
 	_lost = LudusLostTarget.new(layout.entries)
+	if layout.is_flat():
+		_flat_size = layout.entries[0].size()
 	replace_agents(members)
 
 
@@ -162,7 +166,7 @@ func clear_outcomes() -> void:
 
 ## Appends this policy's part of a [code]BATCH[/code] (PROTOCOL.md §7), without final observations.
 func append_to(frame: PackedByteArray) -> void:
-	if layout.is_flat():
+	if _flat_size >= 0:
 		_append_flat(frame)
 	else:
 		_append_entries(frame)
@@ -222,6 +226,9 @@ func _end(slot: int) -> void:
 	active[slot] = 0
 	final_slots.append(slot)
 	var value: Variant = _targets[slot].get_observation()
+	if value is PackedFloat32Array and (value as PackedFloat32Array).size() == _flat_size:
+		_final_parts[0].append_array((value as PackedFloat32Array).to_byte_array())
+		return
 	for i: int in layout.entries.size():
 		_final_parts[i].append_array(_entry_bytes(slot, layout.entries[i], value))
 
@@ -229,7 +236,7 @@ func _end(slot: int) -> void:
 func _append_flat(frame: PackedByteArray) -> void:
 	var numbers := PackedFloat32Array()
 	var entry := layout.entries[0]
-	var size := entry.size()
+	var size := _flat_size
 	for slot: int in _targets.size():
 		if active[slot] == 0:
 			numbers.resize(numbers.size() + size)
