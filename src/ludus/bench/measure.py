@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ludus.batch import ActionBatch
 from ludus.bench.echo import measure_echo
 from ludus.bench.report import BenchReport, Breakdown
-from ludus.engine import Target, plan_cores, resolve_target
+from ludus.engine import Target, pinned_to, plan_cores, resolve_target
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.session import EngineSession
 from ludus.spec import PolicySpec
@@ -90,11 +90,14 @@ def _measure_pool(
 ) -> BenchReport:
     actions = [_random_actions(pool.policies, config.seed + k) for k in range(pool.num_engines)]
     num_agents = sum(pool.num_agents(name) for name in pool.policies)
+    pool.reset(config.seed)
+    memory = _memory_per_world(pool, single.resident_bytes)
     rounds: list[tuple[float, float]] = []
     breakdowns: list[Breakdown] = []
     for number in range(config.rounds):
         report_progress(f"round {number + 1} of {config.rounds}")
-        num_steps, elapsed_s, breakdown = _play(pool, actions, config)
+        with pinned_to(_learner_cores(config.pool)):
+            num_steps, elapsed_s, breakdown = _play(pool, actions, config)
         steps_per_s = num_steps * num_agents / elapsed_s
         ceiling = _ceiling(pool, max(num_steps, 10), config.seed + number) * num_agents
         rounds.append((steps_per_s, ceiling))
@@ -113,7 +116,7 @@ def _measure_pool(
         round_trip_us=single.round_trip_us,
         socket_echo_us=echo_us,
         breakdown=_median(breakdowns),
-        memory_per_world_bytes=_memory_per_world(pool, single.resident_bytes),
+        memory_per_world_bytes=memory,
         rounds=tuple(rounds),
     )
 
@@ -174,19 +177,21 @@ def _measure_single(config: BenchConfig) -> _SingleWorld:
     with open_pool(config.target, single) as pool:
         actions = _random_actions(pool.policies, config.seed)
         pool.reset(config.seed)
+        resident_bytes = _resident_bytes(pool)
         trips: list[float] = []
-        for step in range(_NUM_ROUND_TRIPS):
-            began = time.perf_counter()
-            pool.send(0, actions[step % _NUM_ACTION_SETS])
-            pool.receive(0)
-            elapsed_us = (time.perf_counter() - began) * 1e6
-            trips.append(elapsed_us - pool.times(0).engine_us)
+        with pinned_to(_learner_cores(single)):
+            for step in range(_NUM_ROUND_TRIPS):
+                began = time.perf_counter()
+                pool.send(0, actions[step % _NUM_ACTION_SETS])
+                pool.receive(0)
+                elapsed_us = (time.perf_counter() - began) * 1e6
+                trips.append(elapsed_us - pool.times(0).engine_us)
         spec = pool.spec
         sizes = (
             len(StepEncoder(spec).encode(actions[0])),
             len(BatchDecoder(spec).buffer) - HEADER_BYTES,
         )
-        return _SingleWorld(statistics.median(trips), _resident_bytes(pool), sizes)
+        return _SingleWorld(statistics.median(trips), resident_bytes, sizes)
 
 
 def _measure_echo(config: BenchConfig, sizes: tuple[int, int]) -> float | None:
@@ -196,6 +201,11 @@ def _measure_echo(config: BenchConfig, sizes: tuple[int, int]) -> float | None:
         return None
     cores = plan_cores(1).engines[0] if config.pool.is_pinned else None
     return measure_echo(engine, sizes, _NUM_ROUND_TRIPS, cores)
+
+
+def _learner_cores(pool: PoolConfig) -> tuple[int, ...] | None:
+    """Return the cores that pinned engines leave to Python."""
+    return plan_cores(pool.num_engines).learner if pool.is_pinned else None
 
 
 def _random_actions(policies: Any, seed: int) -> Actions:

@@ -3,7 +3,13 @@
 This layer knows processes and projects on disk; it knows nothing of observations or frames.
 """
 
-from ludus.engine.affinity import CorePlan, allowed_cores, pin_current_process, plan_cores
+from ludus.engine.affinity import (
+    CorePlan,
+    allowed_cores,
+    pin_current_process,
+    pinned_to,
+    plan_cores,
+)
 from ludus.engine.doctor import Finding, FindingStatus, doctor
 from ludus.engine.find import (
     EngineSearch,
@@ -50,6 +56,7 @@ __all__ = [
     "list_engines",
     "needs_import",
     "pin_current_process",
+    "pinned_to",
     "plan_cores",
     "read_project",
     "resolve_target",

@@ -14,7 +14,7 @@ from ludus.wire.handshake import EngineConfig
 
 __all__ = ["PoolConfig", "open_pool"]
 
-DEFAULT_SPIN_US = 1000
+DEFAULT_SPIN_US = 3000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +33,7 @@ class PoolConfig:
         max_restarts: How often, in all, an engine that died or froze is started again.
         is_pinned: Give each engine a core of its own.
         spin_us: How long both sides look for a message again and again before they sleep; None:
-            1000 where a core is left beside the engines, else 0.
+            3000 where a core is left beside the engines, else 0.
         launch: How games are started and watched.
     """
 
