@@ -8,7 +8,14 @@ import statistics
 import time
 from pathlib import Path
 
-from ludus.engine import EngineKind, EngineProcess, InstalledEngine, LaunchConfig
+from ludus.engine import (
+    CorePlan,
+    EngineKind,
+    EngineProcess,
+    InstalledEngine,
+    LaunchConfig,
+    pinned_to,
+)
 from ludus.link import Listener
 from ludus.session.supervision import Supervision
 
@@ -23,7 +30,7 @@ def measure_echo(
     engine: InstalledEngine,
     sizes: tuple[int, int],
     num_echoes: int,
-    cores: tuple[int, ...] | None,
+    plan: CorePlan,
 ) -> float | None:
     """Return the median microseconds of an echo; None for engines other than Godot 4.
 
@@ -31,7 +38,7 @@ def measure_echo(
         engine: The engine to echo with.
         sizes: Bytes of a request and of an answer.
         num_echoes: How many to time.
-        cores: Cores the engine is pinned to.
+        plan: Cores of the engine and of this process.
     """
     if engine.kind is not EngineKind.GODOT4:
         return None
@@ -41,10 +48,11 @@ def measure_echo(
         arguments = (address, str(sizes[0]), str(sizes[1]))
         program = str(engine.executable(headless=True))
         command = (program, "--headless", "-s", str(_SCRIPT), "--", *arguments)
-        with EngineProcess.start(LaunchConfig(command=command, cores=cores)) as process:
+        with EngineProcess.start(LaunchConfig(command=command, cores=plan.engines[0])) as process:
             link = listener.accept(_START_TIMEOUT_S, Supervision(process).check_alive)
             try:
-                return _time_echoes(link.socket, sizes, num_echoes)
+                with pinned_to(plan.learner):
+                    return _time_echoes(link.socket, sizes, num_echoes)
             finally:
                 link.close()
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ludus.batch import ActionBatch
 from ludus.bench.echo import measure_echo
 from ludus.bench.report import BenchReport, Breakdown
-from ludus.engine import Target, pinned_to, plan_cores, resolve_target
+from ludus.engine import CorePlan, Target, pinned_to, plan_cores, resolve_target
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.session import EngineSession
 from ludus.spec import PolicySpec
@@ -199,8 +199,8 @@ def _measure_echo(config: BenchConfig, sizes: tuple[int, int]) -> float | None:
     engine = target.find_engine()
     if engine is None:
         return None
-    cores = plan_cores(1).engines[0] if config.pool.is_pinned else None
-    return measure_echo(engine, sizes, _NUM_ROUND_TRIPS, cores)
+    plan = plan_cores(1) if config.pool.is_pinned else CorePlan((None,), None)
+    return measure_echo(engine, sizes, _NUM_ROUND_TRIPS, plan)
 
 
 def _learner_cores(pool: PoolConfig) -> tuple[int, ...] | None:

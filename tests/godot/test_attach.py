@@ -1,0 +1,130 @@
+"""Games that somebody else started: one that listens, and one in which Play was pressed."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+import ludus
+from ludus.engine import (
+    EngineKind,
+    EngineProcess,
+    GodotFlags,
+    LaunchConfig,
+    ensure_imported,
+    find_engine,
+    godot_command,
+    resolve_target,
+)
+from ludus.engine.target import DEFAULT_PORT
+from ludus.errors import EngineStartError
+from ludus.session import LaunchOptions
+
+pytestmark = pytest.mark.engine
+START_TIMEOUT_S = 30.0
+TOKEN = "a secret of enough characters"
+
+
+@contextmanager
+def running_game(*user_args: str) -> Generator[EngineProcess]:
+    """CartPole as its developer would start it, knowing nothing of a trainer."""
+    project = resolve_target("cartpole").project
+    assert project is not None
+    engine = find_engine(EngineKind.GODOT4)
+    ensure_imported(engine, project)
+    flags = GodotFlags(user_args=user_args)
+    scene = "res://examples/cartpole/cartpole.tscn"
+    command = godot_command(engine, project.root, scene, flags)
+    with EngineProcess.start(LaunchConfig(command=command)) as process:
+        yield process
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def await_port(port: int) -> None:
+    """Wait until somebody listens, without connecting: the game serves one trainer."""
+    deadline = time.monotonic() + START_TIMEOUT_S
+    while time.monotonic() < deadline:
+        with socket.socket() as probe:
+            try:
+                probe.bind(("127.0.0.1", port))
+            except OSError:
+                return
+        time.sleep(0.05)
+    raise AssertionError(f"nobody listens at port {port}")
+
+
+def test_a_game_that_listens_is_stepped_and_quits_afterwards() -> None:
+    port = free_port()
+    with running_game(f"--ludus-listen=tcp:127.0.0.1:{port}") as game:
+        await_port(port)
+        envs = ludus.make_vec(f"127.0.0.1:{port}", num_worlds=3)
+        observation, _ = envs.reset(seed=1)
+        assert observation.shape == (3, 4)
+        rewards = [envs.step(np.ones(3, np.int64))[1] for _ in range(20)]
+        assert np.all(np.array(rewards) == 1.0)
+        envs.close()
+        assert game.wait(5.0) == 0
+
+
+def test_attached_and_started_games_play_the_same_episode() -> None:
+    port = free_port()
+    with running_game(f"--ludus-listen=tcp:127.0.0.1:{port}"):
+        await_port(port)
+        attached = ludus.make(f"127.0.0.1:{port}")
+        first, _ = attached.reset(seed=7)
+        after = attached.step(1)[0]
+        attached.close()
+    started = ludus.make("cartpole")
+    assert np.array_equal(started.reset(seed=7)[0], first)
+    assert np.array_equal(started.step(1)[0], after)
+    started.close()
+
+
+def test_nobody_listens() -> None:
+    with pytest.raises(EngineStartError, match="no game answers") as error:
+        ludus.make(f"127.0.0.1:{free_port()}")
+    assert "--ludus-listen" in error.value.hint
+
+
+def test_waiting_for_play() -> None:
+    import threading
+
+    made: list[ludus.LudusEnv] = []
+    waiter = threading.Thread(target=lambda: made.append(ludus.make("play")), daemon=True)
+    waiter.start()
+    await_port(DEFAULT_PORT)
+    with running_game() as game:
+        waiter.join(START_TIMEOUT_S)
+        assert made, game.last_lines(20)
+        observation, _ = made[0].reset(seed=3)
+        assert observation.shape == (4,)
+        made[0].step(0)
+        made[0].close()
+        assert game.wait(5.0) == 0
+
+
+def test_nobody_presses_play() -> None:
+    options = LaunchOptions(play_timeout_s=0.3)
+    with pytest.raises(ludus.LudusError, match="no engine connected"):
+        ludus.make("play", launch=options)
+
+
+def test_without_a_trainer_the_game_plays_on() -> None:
+    with running_game() as game:
+        assert game.wait(3.0) is None, game.last_lines(20)
+        assert not game.script_errors
+
+
+def test_another_machine_needs_a_token() -> None:
+    with pytest.raises(EngineStartError, match="needs a token"):
+        ludus.make("192.0.2.1:9", launch=LaunchOptions(token=TOKEN[:5]))
