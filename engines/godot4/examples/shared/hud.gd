@@ -1,7 +1,7 @@
 extends CanvasLayer
 ## Shows the name of an example, its keys, and how long the episodes last.
 
-const GALLERY_PATH := "res://examples/gallery/gallery.tscn"
+const GALLERY_PATH := "res://gallery/gallery.tscn"
 
 ## Name of the example.
 @export var title: String
