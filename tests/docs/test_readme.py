@@ -1,0 +1,76 @@
+"""What the README tells a newcomer to write works as it stands there."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+import ludus
+from ludus.addon import install_addon
+
+pytestmark = pytest.mark.engine
+README = (Path(__file__).parents[2] / "README.md").read_text()
+
+PROJECT = """\
+config_version=5
+
+[application]
+
+config/name="From the README"
+run/main_scene="res://player.tscn"
+"""
+
+SCENE = """\
+[gd_scene load_steps=4 format=3]
+
+[ext_resource type="Script" path="res://player.gd" id="1"]
+[ext_resource type="Script" path="res://addons/ludus/ludus_agent.gd" id="2"]
+[ext_resource type="Script" path="res://addons/ludus/ludus_action_component.gd" id="3"]
+
+[sub_resource type="Resource" id="action"]
+script = ExtResource("3")
+
+[node name="Player" type="CharacterBody2D"]
+script = ExtResource("1")
+
+[node name="LudusAgent" type="Node" parent="."]
+script = ExtResource("2")
+action = Array[ExtResource("3")]([SubResource("action")])
+"""
+
+
+def block(language: str) -> str:
+    found = re.search(rf"```{language}\n(.*?)```", README, re.DOTALL)
+    assert found is not None
+    return found[1]
+
+
+def test_a_game_made_as_told_is_an_environment(tmp_path: Path) -> None:
+    (tmp_path / "project.godot").write_text(PROJECT)
+    (tmp_path / "player.tscn").write_text(SCENE)
+    (tmp_path / "player.gd").write_text(block("gdscript"))
+    install_addon(tmp_path)
+    env = ludus.make(tmp_path)
+    observation, _ = env.reset(seed=0)
+    assert abs(observation[0]) <= 100.0 / 500.0
+    terminated, num_steps = False, 0
+    while not terminated and num_steps < 200:
+        num_steps += 1
+        observation, reward, terminated, _, _ = env.step(1)
+        assert observation[1] == 1.0
+        assert reward == (1.0 if observation[0] > 400.0 / 500.0 else 0.0)
+    assert terminated and observation[0] > 1.0, f"after {num_steps} steps at {observation[0]}"
+    env.close()
+
+
+def test_the_python_lines_run() -> None:
+    code = block("python")
+    assert "range(1000)" in code
+    names: dict[str, object] = {}
+    exec(code.replace("range(1000)", "range(50)"), names)
+    rewards = names["rewards"]
+    assert np.shape(cast(Any, rewards)) == (128,)
