@@ -107,7 +107,16 @@ class EngineStartError(EngineError):
 
 
 class EngineCrashed(EngineError):  # noqa: N818 - reads as what happened
-    """The engine process died; the text holds exit code, command and last log lines."""
+    """The engine process died; the text holds exit code, command and last log lines.
+
+    Attributes:
+        process_exit_code: What the process exited with, negative for a signal; None if it is not
+            ours or not known.
+    """
+
+    def __init__(self, message: str, hint: str = "", process_exit_code: int | None = None) -> None:
+        super().__init__(message, hint)
+        self.process_exit_code = process_exit_code
 
 
 class EngineTimeout(EngineError):  # noqa: N818 - reads as what happened

@@ -40,7 +40,7 @@ __all__ = [
 RUN_SCENE = "res://addons/ludus/run.tscn"
 POLL_S = 0.2
 SCRIPT_STEPS = 1000
-CLOSED_BY_HAND = "ended with exit code 0"
+CLOSED_BY_HAND = 0
 
 Act = Callable[[int, Batches], Mapping[str, ActionBatch]]
 """From the number of the step and what all agents see to what they do."""
@@ -120,7 +120,7 @@ def play_episodes(config: PlayConfig, player: Player, on_episode: OnEpisode) -> 
         with open_pool(config.target, settings) as pool:
             _play(pool, config, player, on_episode)
     except EngineCrashed as error:
-        if config.is_headless or CLOSED_BY_HAND not in error.message:
+        if config.is_headless or error.process_exit_code != CLOSED_BY_HAND:
             raise
 
 

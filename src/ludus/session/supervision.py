@@ -41,7 +41,10 @@ class Supervision:
         if self._process is None:
             return EngineCrashed(what, hint="was the game stopped?")
         self._process.wait(_SETTLE_S)
-        return EngineCrashed(f"{what}: {self._process.describe_death()}")
+        return EngineCrashed(
+            f"{what}: {self._process.describe_death()}",
+            process_exit_code=self._process.exit_code,
+        )
 
     def explain_silence(self, error: EngineTimeout) -> EngineTimeout:
         """Return the error for an engine that does not answer."""
