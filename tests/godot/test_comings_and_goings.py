@@ -1,0 +1,95 @@
+"""Agents that end early, leave and join inside an episode (PROTOCOL.md §7), frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from ludus.batch import ActionBatch, Batches
+from ludus.engine import resolve_target
+from ludus.pool import EnginePool, PoolConfig, open_pool
+
+pytestmark = pytest.mark.engine
+NUM_FRAMES = 10
+# World 0 keeps its agents. In world 1 one leaves in step 2 and one joins at the end of step 3.
+PARAMETERS = [{}, {"leave_at": 2, "join_at": 3}]
+EARLY, LEAVER, SPARE = 0, 1, 2
+
+
+@pytest.fixture(scope="module")
+def frames() -> Iterator[list[Batches]]:
+    """Copies of all frames."""
+    project = resolve_target("identity").project
+    assert project is not None
+    scene = project.root / "examples/identity/oracle_world.tscn"
+    with open_pool(scene, PoolConfig(num_worlds=2)) as pool:
+        taken = [pool.reset(1, PARAMETERS)]
+        taken += [pool.step(idle(pool)) for _ in range(NUM_FRAMES - 1)]
+        yield taken
+
+
+def idle(pool: EnginePool) -> dict[str, ActionBatch]:
+    return {name: ActionBatch.zeros(own, own.num_agents) for name, own in pool.policies.items()}
+
+
+def runners(frames: list[Batches], field: str, world: int) -> list[list[int]]:
+    """One row per frame, one column per slot of that world."""
+    rows = slice(3 * world, 3 * world + 3)
+    return [getattr(batches["runner"], field)[rows].astype(int).tolist() for batches in frames]
+
+
+def test_who_ends_early_waits_for_its_world(frames: list[Batches]) -> None:
+    waits, both = [0, 1, 0], [1, 1, 0]
+    assert runners(frames, "active", 0) == [
+        both,
+        both,
+        waits,
+        waits,
+        waits,
+        both,
+        both,
+        *[waits] * 3,
+    ]
+    watcher = [bool(batches["watcher"].active[0]) for batches in frames]
+    assert all(watcher)
+    ends = [bool(batches["watcher"].terminated[0]) for batches in frames]
+    assert [frame for frame, ended in enumerate(ends) if ended] == [5]
+
+
+def test_who_leaves_is_reported_once_and_who_joins_is_seen_at_once(frames: list[Batches]) -> None:
+    alone, both = [0, 1, 0], [1, 1, 0]
+    active = [both, both, [0, 0, 0], *[alone] * 5, both, both]
+    assert runners(frames, "active", 1) == active
+    ended = runners(frames, "terminated", 1)
+    assert [frame for frame, row in enumerate(ended) if row[LEAVER]] == [2, 8]
+    assert not any(row[SPARE] for row in ended)
+    joiner_steps = [
+        frames[i]["runner"].observation["observation"][3 + LEAVER, 1] for i in range(3, 8)
+    ]
+    assert joiner_steps == [0, 1, 2, 3, 4]
+
+
+def test_final_observations(frames: list[Batches]) -> None:
+    batch = frames[2]["runner"]
+    assert batch.final_index.tolist() == [EARLY, 3 + EARLY, 3 + LEAVER]
+    final = batch.final_observation["observation"]
+    assert final[:2, 1].tolist() == [2, 2], "step in which Early ended"
+    assert not final[2].any(), "an agent that left has observed zeros"
+    np.testing.assert_allclose(batch.reward, [0.2, 0.2, 0, 0.2, 0, 0], atol=1e-6)
+
+
+def test_inactive_slots_observe_zeros(frames: list[Batches]) -> None:
+    for batches in frames:
+        batch = batches["runner"]
+        assert not batch.observation["observation"][~batch.active].any()
+
+
+def test_a_world_that_lost_agents_is_made_anew(frames: list[Batches]) -> None:
+    anew = frames[8]["runner"].observation["observation"][3:]
+    assert anew[[EARLY, LEAVER], 1].tolist() == [0, 0]
+    following = frames[9]["runner"].observation["observation"][3:]
+    assert following[[EARLY, LEAVER], 1].tolist() == [1, 1]
+    assert following[[EARLY, LEAVER], 4].tolist() == [2, 2], "both ticks of the first step count"
+    assert frames[8]["watcher"].active.all()
