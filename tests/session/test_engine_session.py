@@ -1,10 +1,9 @@
-"""One engine that keeps the rules, and many that break them."""
+"""A conversation with an engine that keeps the rules, and with many that break them."""
 
 from __future__ import annotations
 
 import struct
 import time
-from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -14,96 +13,24 @@ from ludus.batch import ActionBatch
 from ludus.errors import (
     ActionError,
     EngineCrashed,
-    EngineStartError,
     EngineTimeout,
     GameError,
-    LudusError,
     ProtocolError,
     SequenceError,
-    TargetError,
     UsageError,
 )
-from ludus.session.engine_session import EngineSession
-from ludus.session.supervision import Supervision
-from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
-from tests.fake_engine import FLAT, HELLO, POLICIES, FakeEngine, Talk
+from tests.fake_engine import FLAT, POLICIES, Talk
+from tests.session.conftest import (
+    Opener,
+    answering,
+    assert_ended,
+    obedient,
+    reset,
+    step,
+    zeros,
+)
 from tests.wire.reference import decode_reset, decode_step, encode_batch, frame, quiet_batch
-
-Behaviour = Callable[[Talk], None]
-TOKEN = "a token of 16 characters"
-
-
-class Opener:
-    """Opens sessions with fake engines, and ends both."""
-
-    def __init__(self) -> None:
-        self.engines: list[FakeEngine] = []
-        self.sessions: list[EngineSession] = []
-
-    def __call__(
-        self,
-        behaviour: Behaviour,
-        spec: dict[str, Any] = FLAT,
-        token: str = "",
-        start_timeout_s: float = 5.0,
-        step_timeout_s: float = 5.0,
-    ) -> EngineSession:
-        engine = FakeEngine(behaviour, spec)
-        self.engines.append(engine)
-        link = engine.link(start_timeout_s)
-        config = EngineConfig(num_worlds=3)
-        session = EngineSession(link, config, Supervision(None), token, step_timeout_s)
-        self.sessions.append(session)
-        return session
-
-    def end(self) -> None:
-        for session in self.sessions:
-            session.close()
-        for engine in self.engines:
-            engine.join()
-
-
-@pytest.fixture
-def open_with() -> Iterator[Opener]:
-    opener = Opener()
-    yield opener
-    opener.end()
-
-
-def obedient(talk: Talk) -> None:
-    talk.greet()
-    talk.serve()
-
-
-def answering(*answers: bytes | dict[str, Any]) -> Behaviour:
-    """An engine that answers its requests with these bytes, or batches with these changes."""
-
-    def behave(talk: Talk) -> None:
-        talk.greet()
-        for answer in answers:
-            talk.read()
-            talk.raw(answer if isinstance(answer, bytes) else talk.batch_frame(**answer))
-        talk.wait_for_the_end()
-
-    return behave
-
-
-def zeros(session: EngineSession) -> dict[str, ActionBatch]:
-    return {
-        name: ActionBatch.zeros(policy, policy.num_agents)
-        for name, policy in session.policies.items()
-    }
-
-
-def reset(session: EngineSession) -> Any:
-    return session.reset(ResetRequest.all_worlds(session.spec.num_worlds, 7))
-
-
-def step(session: EngineSession) -> Any:
-    session.send(zeros(session))
-    return session.receive()
-
 
 # An engine that keeps the rules
 
@@ -201,11 +128,6 @@ def test_closing_twice(open_with: Opener) -> None:
     assert_ended(session)
 
 
-def assert_ended(session: EngineSession) -> None:
-    with pytest.raises(SequenceError, match="CLOSED"):
-        reset(session)
-
-
 # A caller that breaks the rules
 
 
@@ -248,138 +170,6 @@ def test_wrong_actions_leave_the_session_usable(open_with: Opener) -> None:
             {"cart": ActionBatch(np.zeros((1, 1), np.int64), np.zeros((3, 0), np.float32))}
         )
     step(session)
-
-
-# An engine that refuses, or does not fit
-
-
-@pytest.mark.parametrize(
-    ("code", "kind"),
-    [
-        ("version", EngineStartError),
-        ("token", EngineStartError),
-        ("config", TargetError),
-        ("game", GameError),
-        ("sequence", ProtocolError),
-        ("frame", ProtocolError),
-        ("timeout", ProtocolError),
-        ("internal", ProtocolError),
-        ("poetry", ProtocolError),
-    ],
-)
-@pytest.mark.parametrize("when", ["greeting", "step"])
-def test_error_frames(open_with: Opener, code: str, kind: type[LudusError], when: str) -> None:
-    report = {"code": code, "message": "the reason " + "x" * 5000, "hint": "the advice"}
-
-    def behave(talk: Talk) -> None:
-        if when == "step":
-            talk.greet()
-        else:
-            talk.json("HELLO", HELLO)
-        talk.read()
-        talk.json("ERROR", report)
-        talk.wait_for_the_end()
-
-    with pytest.raises(LudusError) as caught:
-        reset(open_with(behave))
-    assert type(caught.value) is kind
-    assert caught.value.message == report["message"]
-    assert caught.value.hint == "the advice"
-
-
-@pytest.mark.parametrize("payload", [b"", b"no json", b"[]", b"\xff"])
-def test_a_malformed_error_ends_the_session(open_with: Opener, payload: bytes) -> None:
-    session = open_with(answering(frame("ERROR", payload)))
-    with pytest.raises(ProtocolError, match="ERROR"):
-        reset(session)
-    assert_ended(session)
-
-
-@pytest.mark.parametrize(
-    ("versions", "upgrade"), [((0, 0), "ludus addon install"), ((2, 9), "pip install --upgrade")]
-)
-def test_versions_that_do_not_fit(
-    open_with: Opener, versions: tuple[int, int], upgrade: str
-) -> None:
-    def behave(talk: Talk) -> None:
-        talk.json("HELLO", {**HELLO, "protocol": {"min": versions[0], "max": versions[1]}})
-        name, payload = talk.read()
-        assert name == "ERROR"
-        assert b'"code":"version"' in payload
-        assert upgrade.encode() in payload
-
-    with pytest.raises(EngineStartError) as caught:
-        open_with(behave)
-    assert upgrade in caught.value.hint
-
-
-@pytest.mark.parametrize("token", ["", "another token of 16", "\ud800", "zwölf"])
-def test_a_wrong_token(open_with: Opener, token: str) -> None:
-    def behave(talk: Talk) -> None:
-        talk.json("HELLO", {**HELLO, "token": token})
-        name, payload = talk.read()
-        assert name == "ERROR"
-        assert b'"code":"token"' in payload
-        assert TOKEN.encode() not in payload
-
-    with pytest.raises(EngineStartError, match="another token"):
-        open_with(behave, token=TOKEN)
-
-
-def test_the_right_token(open_with: Opener) -> None:
-    def behave(talk: Talk) -> None:
-        talk.greet({**HELLO, "token": TOKEN})
-        talk.serve()
-
-    reset(open_with(behave, token=TOKEN))
-    assert f'"token":"{TOKEN}"'.encode() in open_with.engines[0].talk.received[0][1]
-
-
-@pytest.mark.parametrize(
-    ("greeting", "what"),
-    [
-        (frame("SPEC", b"{}"), "the engine sent SPEC in CONNECTED"),
-        (frame("BATCH", b""), "the engine sent BATCH in CONNECTED"),
-        (frame("HELLO", b"[]"), "HELLO must be a JSON object"),
-        (frame("HELLO", b"{}"), "malformed HELLO"),
-        (b"GET / HTTP/1.1\r\n\r\n", "unknown type 47"),
-        (struct.pack("<IBBH", 1 << 25, 1, 0, 0), "HELLO frame of 33554432 bytes, the limit is"),
-        (frame("HELLO", b"{}")[:5] + b"\x01\x00\x00{}", "flags 1"),
-    ],
-)
-def test_a_greeting_that_is_none(open_with: Opener, greeting: bytes, what: str) -> None:
-    def behave(talk: Talk) -> None:
-        talk.raw(greeting)
-        talk.wait_for_the_end()
-
-    with pytest.raises(ProtocolError, match=what):
-        open_with(behave)
-    open_with.engines[0].join()
-
-
-def test_a_spec_that_is_wrong(open_with: Opener) -> None:
-    def behave(talk: Talk) -> None:
-        talk.spec = {**talk.spec, "num_worlds": 0}
-        talk.greet()
-        talk.wait_for_the_end()
-
-    with pytest.raises(ProtocolError, match=r"spec\.num_worlds"):
-        open_with(behave)
-
-
-@pytest.mark.parametrize("when", ["before HELLO", "before SPEC"])
-def test_an_engine_that_never_tells_its_spec(open_with: Opener, when: str) -> None:
-    def behave(talk: Talk) -> None:
-        if when == "before SPEC":
-            talk.json("HELLO", HELLO)
-        talk.wait_for_the_end()
-
-    began = time.monotonic()
-    with pytest.raises(EngineStartError, match=r"(?s)silent for 0\.3 s.*start_timeout_s"):
-        open_with(behave, start_timeout_s=0.3)
-    assert time.monotonic() - began < 2.0
-    open_with.engines[0].join()
-    assert b'"code":"timeout"' in open_with.engines[0].talk.received[-1][1]
 
 
 # An engine that breaks off, or breaks the rules, in the middle
