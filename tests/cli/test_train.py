@@ -15,7 +15,7 @@ from ludus.cli.live import sparkline
 from ludus.cli.main import main
 from ludus.errors import ConfigError
 from ludus.spec import AgentSpec, DiscreteAction, ObservationEntry, PolicySpec
-from ludus.train.config import TrainConfig
+from ludus.train.config import PPOConfig, SACConfig, TrainConfig
 
 TARGET = "gym:CartPole-v1"
 SMALL = [
@@ -52,6 +52,22 @@ def test_layers_scene_file_command_line(tmp_path: Path) -> None:
     assert (first.discount, first.gae_lambda) == (0.5, 0.3)  # file, and its own table
     assert (second.gae_lambda, second.discount) == (0.4, 0.6)  # file; command line, one policy
     assert first.epochs == second.epochs == 7  # command line
+
+
+def test_the_algorithm_of_one_policy_can_be_typed() -> None:
+    hero, foe = policy("hero", clip_range=0.3), policy("my_foe", learning_rate=0.2)
+    typed = ["x", "--policies.my-foe.algorithm", "sac", "--policies.my-foe.batch-size", "99"]
+    config = effective([*typed, "--sac.hidden-sizes", "7"], hero, foe)
+    first, second = config.policies["hero"], config.policies["my_foe"]
+    assert isinstance(first, PPOConfig)
+    assert isinstance(second, SACConfig)
+    assert first.clip_range == 0.3
+    assert (second.batch_size, second.learning_rate, second.hidden_sizes) == (99, 0.2, (7,))
+
+
+def test_the_algorithm_of_all_policies_can_be_typed() -> None:
+    config = effective(["x", "--algorithm=sac"], policy("hero", clip_range=0.3), policy("foe"))
+    assert [of.algorithm for of in config.policies.values()] == ["sac", "sac"]
 
 
 def test_a_typed_default_wins_over_the_scene() -> None:

@@ -148,6 +148,28 @@ class Lottery(gymnasium.Env[Any, Any]):
         return np.zeros(1, np.float32), 1.0, self.left == 0, False, {}
 
 
+class Recall(gymnasium.Env[Any, Any]):
+    """The first observation shows one of four cues; only naming it in the last step pays."""
+
+    def __init__(self) -> None:
+        self.observation_space = spaces.Box(0.0, 1.0, (5,), np.float32)
+        self.action_space = spaces.Discrete(4)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        super().reset(seed=seed)
+        self.answer = int(self.np_random.integers(4))
+        self.left = int(self.np_random.integers(3, 7))
+        return np.eye(5, dtype=np.float32)[self.answer], {}
+
+    def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        self.left -= 1
+        is_over = self.left == 0
+        reward = float(is_over and action == self.answer)
+        return np.asarray([0, 0, 0, 0, self.left == 1], np.float32), reward, is_over, False, {}
+
+
 def register() -> None:
     """Make the environments known to Gymnasium."""
     add: Any = cast(Any, gymnasium).register
@@ -157,6 +179,7 @@ def register() -> None:
     add("Pictures-v0", Pictures)
     add("Poisoned-v0", Poisoned)
     add("Lottery-v0", Lottery)
+    add("Recall-v0", Recall)
     add("Endless-v0", Constant)
     add("Truncated-v0", Constant, max_episode_steps=5)
     add("Terminated-v0", Constant, kwargs={"ends_after": 5})

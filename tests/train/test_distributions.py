@@ -1,19 +1,24 @@
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from torch.distributions import Categorical, Normal
+from torch.distributions import Categorical, Normal, TanhTransform, TransformedDistribution
 
 from ludus.spec import ActionComponent, AgentSpec, ContinuousAction, DiscreteAction, PolicySpec
-from ludus.train.distributions import ActionHead
+from ludus.train.distributions import ActionHead, GaussianShape, tanh_log_det
+
+SAME = GaussianShape(-0.3)
 
 
-def head(*action: ActionComponent, has_mask: bool = False) -> ActionHead:
+def head(
+    *action: ActionComponent, has_mask: bool = False, shape: GaussianShape = SAME
+) -> ActionHead:
     spec = PolicySpec("p", (), tuple(action), (AgentSpec(0, "a"),), has_action_mask=has_mask)
-    return ActionHead(spec, -0.3)
+    return ActionHead(spec, shape)
 
 
 MIXED = (
@@ -32,7 +37,7 @@ def test_mixed_action_equals_torch_distributions() -> None:
     log_prob, entropy = part.evaluate(outputs, discrete, continuous, None)
     first: Any = Categorical(logits=outputs[:, :3])
     second: Any = Categorical(logits=outputs[:, 3:5])
-    normal: Any = Normal(outputs[:, 5:], part.log_std.exp())
+    normal: Any = Normal(outputs[:, 5:], math.exp(-0.3))
     expected = first.log_prob(discrete[:, 0]) + second.log_prob(discrete[:, 1])
     torch.testing.assert_close(log_prob, expected + normal.log_prob(continuous).sum(-1))
     total = first.entropy() + second.entropy() + normal.entropy().sum(-1)
@@ -63,7 +68,9 @@ def test_samples_follow_the_distribution() -> None:
         share = torch.bincount(discrete[:, component]) / count
         torch.testing.assert_close(share, logits.softmax(-1), atol=0.01, rtol=0)
     torch.testing.assert_close(continuous.mean(0), outputs[0, 5:], atol=0.02, rtol=0)
-    torch.testing.assert_close(continuous.std(0), part.log_std.exp().detach(), atol=0.02, rtol=0)
+    torch.testing.assert_close(
+        continuous.std(0), torch.full((2,), -0.3).exp().detach(), atol=0.02, rtol=0
+    )
 
 
 def test_samples_respect_masks() -> None:
@@ -89,3 +96,39 @@ def test_without_noise_the_most_probable_action() -> None:
 def test_continuous_actions_reach_their_bounds(raw: list[float], expected: list[float]) -> None:
     bounded = head(*MIXED).to_bounds(torch.tensor([raw]))
     assert torch.equal(bounded, torch.tensor([expected]))
+
+
+def test_squashed_action_equals_torch_distributions() -> None:
+    part = head(ContinuousAction("b", 2, -3.0, 5.0), shape=GaussianShape(0.0, True, True))
+    generator = torch.Generator().manual_seed(2)
+    outputs, noise = torch.randn(9, 4, generator=generator), torch.randn(9, 2, generator=generator)
+    discrete, sampled = part.sample(outputs, noise)
+    normal: Any = Normal(outputs[:, :2], outputs[:, 2:].clamp(-20, 2).exp())
+    squashed: Any = TransformedDistribution(normal, [TanhTransform()])
+    log_prob, _ = part.evaluate(outputs, discrete, sampled, None)
+    torch.testing.assert_close(log_prob, squashed.log_prob(sampled.tanh()).sum(-1))
+    torch.testing.assert_close(part.to_bounds(sampled), 1.0 + 4.0 * sampled.tanh())
+
+
+def test_squashing_far_out_stays_finite() -> None:
+    far = torch.tensor([[50.0, -50.0]])
+    expected = 2 * (2 * (math.log(2.0) - 50.0))  # log(4 e^-2u) for each element
+    assert tanh_log_det(far).item() == pytest.approx(expected)
+
+
+def test_the_estimated_entropy_of_a_squashed_gaussian_is_right_on_average() -> None:
+    part = head(ContinuousAction("b", 1), shape=GaussianShape(0.0, False, True))
+    count = 100_000
+    outputs = torch.full((count, 1), 0.3)
+    noise = torch.randn(count, 1, generator=torch.Generator().manual_seed(3))
+    discrete, sampled = part.sample(outputs, noise)
+    log_prob, entropy = part.evaluate(outputs, discrete, sampled, None)
+    assert entropy.mean().item() == pytest.approx(-log_prob.mean().item(), abs=0.01)
+
+
+def test_a_network_that_puts_out_deviations_begins_with_the_initial_one() -> None:
+    part = head(ContinuousAction("b", 2), shape=GaussianShape(-1.5, True))
+    last = torch.nn.Linear(3, part.num_outputs)
+    part.initialise(last)
+    _, log_std = part.gaussian(last(torch.zeros(1, 3)))
+    torch.testing.assert_close(log_std, torch.full((1, 2), -1.5))

@@ -9,10 +9,10 @@ import pytest
 import torch
 
 from ludus.train.config import PPOConfig, TrainConfig
+from ludus.train.load_tensors import load_tensors
 from ludus.train.loop import train
-from ludus.train.networks import Inputs
-from ludus.train.saved import load_policies
-from ludus.train.source import open_source
+from ludus.train.networks import perceptron
+from ludus.train.run_folder import RunFolder
 
 
 def config(target: str, tmp_path: Path, total_steps: int, **ppo: Any) -> TrainConfig:
@@ -40,6 +40,37 @@ def test_identity_is_solved(target: str, total_steps: int, at_least: float, tmp_
     assert result.evaluation["agent"].mean_return >= at_least
 
 
+@pytest.mark.parametrize(
+    "ppo",
+    [
+        {"squash": True},
+        {"state_dependent_std": True},
+        {"squash": True, "state_dependent_std": True},
+    ],
+    ids=["squashed", "state-dependent", "both"],
+)
+def test_every_kind_of_gaussian_learns(ppo: dict[str, Any], tmp_path: Path) -> None:
+    result = train(config("Identity-continuous-v0", tmp_path, 25_000, learning_rate=3e-3, **ppo))
+    assert result.evaluation["agent"].mean_return >= -0.8
+
+
+def test_overlapped_learning_learns_as_well(tmp_path: Path) -> None:
+    result = train(
+        config("Identity-discrete-v0", tmp_path, 10_000, learning_rate=3e-3, overlap=True)
+    )
+    assert result.evaluation["agent"].mean_return >= 7.6
+
+
+def test_only_a_memory_recalls(tmp_path: Path) -> None:
+    """The cue of the first step pays at the last one: by chance a quarter, with memory all."""
+    ppo = {"learning_rate": 3e-3, "discount": 0.9}
+    without = train(config("Recall-v0", tmp_path, 4_000, **ppo))
+    assert without.evaluation["agent"].mean_return < 0.7
+    memory = {"memory_size": 16, "sequence_length": 8}
+    recalled = train(config("Recall-v0", tmp_path, 30_000, **ppo, **memory))
+    assert recalled.evaluation["agent"].mean_return >= 0.95
+
+
 def value_of(target: str, share: float, tmp_path: Path) -> float:
     """Train with discount 0.9 and return the value of the observation ``share``."""
     settings = config(
@@ -47,10 +78,11 @@ def value_of(target: str, share: float, tmp_path: Path) -> float:
         learning_rate=5e-3, max_grad_norm=100.0,
     )  # fmt: skip
     result = train(settings)
-    pool = open_source(settings)
-    policy = load_policies(result.run, pool.policies)["agent"]
+    _, checkpoint = RunFolder(result.run).checkpoints().newest()
+    critic = perceptron((1, 32, 1), "tanh", 1.0)
+    load_tensors(critic, checkpoint.learners["agent"].tensors, "critic.")
     with torch.inference_mode():
-        return float(policy.value(Inputs(torch.tensor([[share]]))))
+        return float(critic(torch.tensor([[share]])))
 
 
 def test_truncation_is_bootstrapped(tmp_path: Path) -> None:

@@ -11,8 +11,10 @@ from ludus.batch import Batch
 from ludus.spec import AgentSpec, ContinuousAction, DiscreteAction, ObservationEntry, PolicySpec
 from ludus.train.advantage import generalised_advantage
 from ludus.train.config import PPOConfig
+from ludus.train.learner import LearnerSettings
 from ludus.train.policy import Policy
 from ludus.train.ppo import PPO, approximate_kl, clipped_surrogate, value_loss
+from ludus.train.recurrence import run_memory
 
 
 def test_clipped_surrogate_by_hand() -> None:
@@ -51,7 +53,7 @@ def learner(config: PPOConfig = CONFIG) -> PPO:
     with torch.random.fork_rng(devices=[]):  # pyright: ignore[reportUnknownMemberType]
         torch.manual_seed(0)  # pyright: ignore[reportUnknownMemberType]
         policy = Policy(SPEC, config)
-    return PPO(policy, config, [slice(0, 2)], seed=1)
+    return PPO(policy, config, LearnerSettings([slice(0, 2)], seed=1))
 
 
 def batch(random: np.random.Generator, **changes: Any) -> Batch:
@@ -99,7 +101,8 @@ def test_advantages_respect_ends_and_silent_slots() -> None:
 
     def value(observation: Any) -> torch.Tensor:
         with torch.no_grad():
-            return ppo.policy.value(ppo.policy.encoder({"o": torch.as_tensor(observation)}))
+            inputs = ppo.policy.encoder({"o": torch.as_tensor(observation)})
+            return ppo.value(ppo.policy.features(inputs))
 
     states = torch.stack([value(row) for row in rollout.observation["o"]])
     next_value = states[1:].clone()
@@ -125,12 +128,12 @@ def test_first_gradient_is_that_of_the_policy_gradient() -> None:
         ppo.act(0)
         ppo.record(0, batch(random))
     transitions = ppo._transitions()  # pyright: ignore[reportPrivateUsage]
-    outputs = ppo.policy.outputs(transitions.inputs)
+    outputs = ppo.policy.actor(ppo.policy.features(transitions.inputs))
     log_prob, _ = ppo.policy.head.evaluate(
         outputs, transitions.discrete, transitions.continuous, None
     )
     objective: Any = -(log_prob * transitions.advantage).mean()
-    actor = list(ppo.policy.network._actor.parameters())  # pyright: ignore[reportPrivateUsage]
+    actor = list(ppo.policy.actor.parameters())
     expected = torch.autograd.grad(objective, actor)
     ppo._gradient_step(transitions)  # pyright: ignore[reportPrivateUsage]
     for parameter, gradient in zip(actor, expected, strict=True):
@@ -202,3 +205,75 @@ def test_loaded_state_goes_on_to_the_bit() -> None:
         ppo.update(0.2)
     pairs = zip(first.state().tensors.items(), second.state().tensors.items(), strict=True)
     assert all(a == b and torch.equal(x, y) for (a, x), (b, y) in pairs)
+
+
+def test_sequences_repeat_what_the_memory_did_while_acting() -> None:
+    """Ratios are 1 before the first gradient step, across ends, silences and comings back."""
+    changes: list[dict[str, Any]] = [
+        {},
+        {"terminated": np.array([False, True]), "active": np.array([True, False])},
+        {"truncated": np.array([True, False]), "active": np.array([True, False]),
+         "final_index": np.array([0]), "final_observation": {"o": np.ones((1, 2), np.float32)}},
+        {},
+    ]  # fmt: skip
+    config = replace(CONFIG, memory_size=5, sequence_length=2, learning_rate=1e-9)
+    ppo, random = learner(config), np.random.default_rng(0)
+    ppo.begin(0, batch(random))
+    metrics: dict[str, float] = {}
+    for _ in range(3):
+        for change in changes:
+            ppo.act(0)
+            ppo.record(0, batch(random, **change))
+        metrics = ppo.update(0.0)
+        assert metrics["approximate_kl"] == pytest.approx(0.0, abs=1e-9)
+    assert metrics["num_transitions"] == 8
+
+
+def test_truncated_backpropagation_reaches_the_start_of_a_sequence_only() -> None:
+    ppo, random = (
+        learner(replace(CONFIG, memory_size=5, sequence_length=2)),
+        np.random.default_rng(0),
+    )
+    ppo.begin(0, batch(random))
+    for _ in range(4):
+        ppo.act(0)
+        ppo.record(0, batch(random))
+    transitions = ppo._transitions()  # pyright: ignore[reportPrivateUsage]
+    sequences = transitions.sequences
+    assert sequences is not None
+    assert sequences.start.shape == (4, 5)
+    assert torch.equal(sequences.rows, torch.tensor([0, 1, 4, 5, 2, 3, 6, 7]))
+    features = ppo.policy.features(transitions.inputs).detach().requires_grad_()
+    chosen = features[sequences.rows]
+    _, flat = run_memory(ppo.policy, chosen, sequences.start, sequences.keep)
+    (gradient,) = torch.autograd.grad(flat[4:].sum(), features)  # the second steps
+    assert (gradient.abs().sum(1) > 0).all()
+    (gradient,) = torch.autograd.grad(
+        run_memory(ppo.policy, features[sequences.rows], sequences.start, sequences.keep)[1][
+            6:
+        ].sum(),
+        features,
+    )
+    is_reached = gradient.abs().sum(1) > 0
+    assert torch.equal(is_reached, torch.tensor([False] * 4 + [True] * 4))
+
+
+def test_overlapped_gradient_steps_are_spread_over_the_next_rollout() -> None:
+    ppo, random = (
+        learner(replace(CONFIG, overlap=True, epochs=4, minibatch_size=4)),
+        np.random.default_rng(0),
+    )
+    ppo.begin(0, batch(random))
+    moved: list[bool] = []
+    metrics: dict[str, float] = {}
+    for _ in range(2):
+        for _ in range(4):
+            before = [parameter.clone() for parameter in ppo.policy.parameters()]
+            ppo.act(0)
+            ppo.learn_meanwhile()
+            ppo.record(0, batch(random))
+            pairs = zip(before, ppo.policy.parameters(), strict=True)
+            moved.append(any(not torch.equal(a, b) for a, b in pairs))
+        metrics = ppo.update(0.0)
+    assert moved == [False] * 4 + [True] * 4
+    assert metrics["num_epochs"] == 4

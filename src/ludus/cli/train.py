@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import shlex
 import signal
@@ -15,8 +16,9 @@ import tyro
 
 from ludus.errors import ConfigError
 from ludus.spec import PolicySpec
-from ludus.train.config import PPOConfig, TrainConfig
-from ludus.train.layers import lay_over, policy_settings, read_file
+from ludus.train.config import Phase, PolicyConfig, TrainConfig
+from ludus.train.layers import lay_over, policy_settings, read_file, to_plain
+from ludus.train.policy_config import ALGORITHM_CONFIGS
 
 __all__ = ["COMMAND", "TrainCommand", "parse", "run"]
 
@@ -28,7 +30,8 @@ class TrainCommand(TrainConfig):
     """Train agents in a game, and leave a run folder with checkpoints, metrics and a curve.
 
     Settings come from the scene, then from --config, then from the command line; later ones win.
-    --ppo.* set all policies, --policies.NAME.* one. Ctrl-C saves and stops.
+    --ppo.* and --sac.* set all policies of that algorithm, --policies.NAME.* one policy.
+    Ctrl-C saves and stops.
 
     Attributes:
         target: What to train in: an example, a project folder, a scene, an exported game, an
@@ -41,8 +44,10 @@ class TrainCommand(TrainConfig):
 
     target: tyro.conf.Positional[str] = ""
     policies: Annotated[
-        dict[str, PPOConfig], tyro.conf.arg(help_behavior_hint="--policies.NAME.* sets one policy")
-    ] = field(default_factory=dict[str, PPOConfig])
+        dict[str, tyro.conf.AvoidSubcommands[PolicyConfig]],
+        tyro.conf.arg(help_behavior_hint="--policies.NAME.* sets one policy"),
+    ] = field(default_factory=dict[str, PolicyConfig])
+    schedule: tyro.conf.Suppress[tuple[Phase, ...]] = ()
     config: Path | None = None
     resume: Path | None = None
     json: bool = False
@@ -103,12 +108,30 @@ def configure(command: TrainCommand, policies: Mapping[str, PolicySpec]) -> Trai
     settings win even where they equal the defaults.
     """
     typed = command.arguments
-    settings: dict[str, PPOConfig] = {}
+    settings: dict[str, PolicyConfig] = {}
     for name, policy in policies.items():
-        base = replace(command, ppo=_untyped_settings(command, policy), policies={})
-        settings[name] = _parse(typed, base, is_final=False).ppo
+        chosen = _untyped_settings(command, policy, _typed_algorithm(command, name))
+        base = replace(command, policies={}, **{chosen.algorithm: chosen})
+        settings[name] = getattr(_parse(typed, base, is_final=False), chosen.algorithm)
     final = _parse(typed, replace(command, policies=settings), is_final=True)
     return as_config(final)
+
+
+def _typed_algorithm(command: TrainCommand, policy: str) -> str | None:
+    """Return the algorithm that was typed for ``policy``, or for all; None if none was."""
+    flags = {f"--policies.{policy}.algorithm", "--algorithm"}
+    found: dict[str, str] = {}
+    words = [part for word in command.arguments for part in word.split("=", 1)]
+    for word, value in itertools.pairwise(words):
+        flag = word.replace("_", "-")
+        if flag in {name.replace("_", "-") for name in flags}:
+            found[flag] = value
+    own = found.get(f"--policies.{policy}.algorithm".replace("_", "-"))
+    algorithm = own or found.get("--algorithm")
+    if algorithm is not None and algorithm not in ALGORITHM_CONFIGS:
+        known = " or ".join(ALGORITHM_CONFIGS)
+        raise ConfigError(f"policy {policy}: algorithm must be {known}, not {algorithm!r}")
+    return algorithm
 
 
 def as_config(command: TrainCommand) -> TrainConfig:
@@ -122,17 +145,18 @@ def lay_over_command(command: TrainCommand, values: Mapping[str, Any], where: st
     return replace(_as_command(config), resume=command.resume)
 
 
-def _untyped_settings(command: TrainCommand, policy: PolicySpec) -> PPOConfig:
+def _untyped_settings(
+    command: TrainCommand, policy: PolicySpec, algorithm: str | None
+) -> PolicyConfig:
     """Return what defaults, scene, resumed run and file say of a policy, in this order."""
     file = read_file(command.config) if command.config else {}
     if command.resume is None:
-        return policy_settings(TrainConfig(), policy, file)
+        return policy_settings(TrainConfig(), policy, file, algorithm)
     from ludus.train.run_folder import RunFolder
 
-    saved = RunFolder.find(command.resume).read_config()
-    own = saved.policies.get(policy.name, saved.ppo)
-    own = lay_over(own, file.get("ppo", {}), "file, ppo")
-    return lay_over(own, file.get("policies", {}).get(policy.name, {}), "file, policies")
+    saved = RunFolder.find(command.resume).read_config().policies.get(policy.name)
+    before = replace(policy, settings={} if saved is None else to_plain(saved))
+    return policy_settings(TrainConfig(), before, file, algorithm)
 
 
 def _parse(arguments: Sequence[str], base: TrainCommand, *, is_final: bool) -> TrainCommand:

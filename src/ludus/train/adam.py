@@ -14,7 +14,9 @@ from collections.abc import Iterable
 import torch
 from torch import Tensor, nn
 
-__all__ = ["Adam"]
+from ludus.train.policy_config import PolicyConfig
+
+__all__ = ["Adam", "learning_rate_at"]
 
 BETA_1, BETA_2 = 0.9, 0.999
 
@@ -76,3 +78,9 @@ class Adam:
         self._mean.copy_(state["mean"])
         self._square.copy_(state["square"])
         self._num_steps = int(state["num_steps"])
+
+
+def learning_rate_at(progress: float, config: PolicyConfig) -> float:
+    """Return the step size when a share ``progress``, 0 to 1, of the run is over."""
+    is_linear = config.learning_rate_schedule == "linear"
+    return config.learning_rate * (max(0.0, 1.0 - progress) if is_linear else 1.0)

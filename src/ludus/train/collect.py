@@ -22,11 +22,13 @@ class CollectTimes:
         wait_s: Waiting for engines.
         act_s: Choosing actions and sending them.
         record_s: Recording what came back.
+        learn_s: Learning while engines simulated.
     """
 
     wait_s: float = 0.0
     act_s: float = 0.0
     record_s: float = 0.0
+    learn_s: float = 0.0
 
 
 class Collector:
@@ -91,7 +93,11 @@ class Collector:
         start = time.perf_counter()
         actions = {name: learner.act(engine) for name, learner in self._learners.items()}
         self._pool.send(engine, actions)
-        self.times.act_s += time.perf_counter() - start
+        sent = time.perf_counter()
+        for learner in self._learners.values():
+            learner.learn_meanwhile()
+        self.times.act_s += sent - start
+        self.times.learn_s += time.perf_counter() - sent
 
     def _receive(self, engine: int) -> None:
         start = time.perf_counter()

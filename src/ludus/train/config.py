@@ -11,71 +11,56 @@ from pathlib import Path
 from typing import Literal
 
 from ludus.errors import ConfigError
+from ludus.train.policy_config import Mode, PolicyConfig, PPOConfig, SACConfig, require
 
-__all__ = ["PPOConfig", "TrainConfig"]
+__all__ = ["LeagueConfig", "PPOConfig", "Phase", "PolicyConfig", "SACConfig", "TrainConfig"]
 
 
 @dataclass(frozen=True)
-class PPOConfig:
-    """Settings of one policy trained with PPO; scenes use the same names.
+class LeagueConfig:
+    """Self-play against past selves.
+
+    In a share of the worlds one side learns and every other side is played by a policy of the
+    past. A side is a policy; where there is only one policy, each agent of a world is a side.
 
     Attributes:
-        algorithm: Training algorithm.
-        hidden_sizes: Units of each hidden layer, of the actor and of the critic.
-        activation: Non-linearity between layers.
-        learning_rate: Step size of Adam, at the start.
-        learning_rate_schedule: "linear" falls to zero at total_steps, "constant" stays.
-        rollout_steps: Steps of every agent between two updates.
-        minibatch_size: Transitions in one gradient step.
-        epochs: Passes over the transitions of one rollout.
-        discount: Gamma; worth of a reward one step later.
-        gae_lambda: Lambda of generalised advantage estimation.
-        clip_range: Epsilon of the clipped surrogate objective.
-        value_clip_range: How far a value may move in one update; none does not clip.
-        value_coefficient: Weight of the value loss.
-        entropy_coefficient: Weight of the entropy bonus.
-        max_grad_norm: Gradients longer than this are shortened to it.
-        target_kl: Stop an update's epochs beyond this divergence; none never stops.
-        normalise_advantage: Whether each minibatch's advantages get mean 0 and deviation 1.
-        normalise_observation: Whether observations are shifted and scaled by running statistics.
-        scale_reward: Whether rewards are divided by the running deviation of the return.
-        initial_log_std: Logarithm of the deviation of continuous actions, at the start, where
-            the bounds are -1 and 1.
+        share: Share of the worlds that are played so; 0 is no self-play.
+        pool_size: Past selves of each policy to keep.
+        snapshot_every_updates: Updates between two past selves.
+        sampling: "uniform" draws every past self as often, "recent" newer ones more often,
+            "rating" those more often whose rating is nearest to that of the side that learns.
+        max_opponents: Past selves of each policy that play at the same time.
+        elo_factor: How far one game moves a rating (K).
     """
 
-    algorithm: Literal["ppo"] = "ppo"
-    hidden_sizes: tuple[int, ...] = (64, 64)
-    activation: Literal["tanh", "relu", "elu", "silu"] = "tanh"
-    learning_rate: float = 1e-3
-    learning_rate_schedule: Literal["linear", "constant"] = "linear"
-    rollout_steps: int = 32
-    minibatch_size: int = 1024
-    epochs: int = 4
-    discount: float = 0.99
-    gae_lambda: float = 0.95
-    clip_range: float = 0.2
-    value_clip_range: float | None = None
-    value_coefficient: float = 0.5
-    entropy_coefficient: float = 0.0
-    max_grad_norm: float = 0.5
-    target_kl: float | None = None
-    normalise_advantage: bool = True
-    normalise_observation: bool = True
-    scale_reward: bool = True
-    initial_log_std: float = -0.5
+    share: float = 0.0
+    pool_size: int = 10
+    snapshot_every_updates: int = 20
+    sampling: Literal["uniform", "recent", "rating"] = "uniform"
+    max_opponents: int = 4
+    elo_factor: float = 16.0
 
     def __post_init__(self) -> None:
-        for name in ("rollout_steps", "minibatch_size", "epochs"):
-            _require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
-        for name in ("learning_rate", "clip_range", "max_grad_norm"):
-            _require(getattr(self, name) > 0, name, "above 0", getattr(self, name))
-        for name in ("discount", "gae_lambda"):
-            _require(0 <= getattr(self, name) <= 1, name, "from 0 to 1", getattr(self, name))
-        for name in ("value_clip_range", "target_kl"):
-            value = getattr(self, name)
-            _require(value is None or value > 0, name, "above 0 or none", value)
-        _require(min(self.hidden_sizes, default=1) >= 1, "hidden_sizes", "sizes of at least 1",
-                 self.hidden_sizes)  # fmt: skip
+        require(0 <= self.share <= 1, "share", "from 0 to 1", self.share)
+        require(self.elo_factor > 0, "elo_factor", "above 0", self.elo_factor)
+        for name in ("pool_size", "snapshot_every_updates", "max_opponents"):
+            require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
+
+
+@dataclass(frozen=True)
+class Phase:
+    """Part of a schedule of modes.
+
+    Attributes:
+        updates: How many updates it lasts.
+        modes: Mode by policy; policies that are not named train.
+    """
+
+    updates: int = 1
+    modes: dict[str, Mode] = field(default_factory=dict[str, Mode])
+
+    def __post_init__(self) -> None:
+        require(self.updates >= 1, "updates", "at least 1", self.updates)
 
 
 @dataclass(frozen=True)
@@ -108,10 +93,20 @@ class TrainConfig:
         evaluation_episodes: Episodes of the evaluation at the end; 0 leaves it out.
         runs: Folder that run folders are made in.
         name: Name of the run folder; empty makes one from target, date and time.
-        device: PyTorch device of networks and updates, such as cpu or cuda.
+        device: PyTorch device of networks and updates, such as cpu or cuda; auto is cuda where
+            there is one.
+        precision: "bfloat16" computes updates in mixed precision, "float32" does not; auto mixes
+            on cuda only.
+        compile: Compile the networks' updates with torch.compile; takes a minute at the start.
         torch_threads: Threads PyTorch may use; engines need the other cores.
-        ppo: Settings of every policy.
-        policies: Settings of single policies by name, over those in ppo.
+        algorithm: Algorithm of every policy; none is what the scene says, or else ppo.
+        ppo: Settings of every policy trained with PPO.
+        sac: Settings of every policy trained with SAC.
+        policies: Settings of single policies by name, over those of their algorithm.
+        alternate_every: Policies learn in turn, for so many updates each, while the others act
+            frozen; none lets all learn at once.
+        schedule: Phases of modes, one after the other and over again; a table of a settings file.
+        league: Self-play against past selves.
     """
 
     target: str = ""
@@ -135,27 +130,41 @@ class TrainConfig:
     evaluation_episodes: int = 20
     runs: Path = Path("runs")
     name: str = ""
-    device: str = "cpu"
+    device: str = "auto"
+    precision: Literal["auto", "float32", "bfloat16"] = "auto"
+    compile: bool = False
     torch_threads: int = 1
+    algorithm: Literal["ppo", "sac"] | None = None
     ppo: PPOConfig = field(default_factory=PPOConfig)
-    policies: dict[str, PPOConfig] = field(default_factory=dict[str, PPOConfig])
+    sac: SACConfig = field(default_factory=SACConfig)
+    policies: dict[str, PolicyConfig] = field(default_factory=dict[str, PolicyConfig])
+    alternate_every: int | None = None
+    schedule: tuple[Phase, ...] = ()
+    league: LeagueConfig = field(default_factory=LeagueConfig)
 
     def __post_init__(self) -> None:
         for name in ("num_worlds", "num_engines", "total_steps", "return_window",
                      "keep_checkpoints", "torch_threads"):  # fmt: skip
-            _require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
-        for name in ("ticks_per_step", "max_episode_steps", "checkpoint_every_updates"):
+            require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
+        for name in (
+            "ticks_per_step",
+            "max_episode_steps",
+            "checkpoint_every_updates",
+            "alternate_every",
+        ):
             value = getattr(self, name)
-            _require(value is None or value >= 1, name, "at least 1 or none", value)
+            require(value is None or value >= 1, name, "at least 1 or none", value)
         for name in ("max_time_s", "checkpoint_every_s"):
             value = getattr(self, name)
-            _require(value is None or value > 0, name, "above 0 or none", value)
-        _require(self.evaluation_episodes >= 0, "evaluation_episodes", "at least 0",
+            require(value is None or value > 0, name, "above 0 or none", value)
+        require(self.evaluation_episodes >= 0, "evaluation_episodes", "at least 0",
                  self.evaluation_episodes)  # fmt: skip
-        _require(self.seed is None or 0 <= self.seed < 2**63, "seed", "from 0 to 2^63 - 1",
+        require(self.seed is None or 0 <= self.seed < 2**63, "seed", "from 0 to 2^63 - 1",
                  self.seed)  # fmt: skip
-        _require(re.fullmatch(r"[^/\\\0]*", self.name) is not None and self.name not in {".", ".."},
+        require(re.fullmatch(r"[^/\\\0]*", self.name) is not None and self.name not in {".", ".."},
                  "name", "a folder name", self.name)  # fmt: skip
+        require(self.alternate_every is None or not self.schedule, "alternate_every",
+                "none beside a schedule", self.alternate_every)  # fmt: skip
         self._check_exact_resume()
 
     def _check_exact_resume(self) -> None:
@@ -166,8 +175,3 @@ class TrainConfig:
                 "exact_resume needs checkpoints at fixed updates, not at times of the clock",
                 "set checkpoint_every_s to none and checkpoint_every_updates to a number",
             )
-
-
-def _require(is_met: bool, name: str, expected: str, value: object) -> None:
-    if not is_met:
-        raise ConfigError(f"{name} must be {expected}, not {value!r}")

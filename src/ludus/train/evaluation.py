@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
@@ -14,9 +13,9 @@ from ludus.errors import RunError
 from ludus.pool.interface import Pool
 from ludus.train.episodes import EpisodeTracker
 from ludus.train.learners import policy_seed
-from ludus.train.policy import Policy
+from ludus.train.policy import Player, Policy
 
-__all__ = ["Evaluation", "evaluate"]
+__all__ = ["Evaluation", "evaluate", "seeded_generator"]
 
 MAX_STEPS = 100_000
 """Steps after which an evaluation gives up waiting for episodes to end."""
@@ -121,8 +120,10 @@ def evaluate(
     Raises:
         RunError: Some episodes did not end within ``MAX_STEPS`` steps.
     """
-    generators = {
-        name: None if deterministic else _generator(policy, seed)
+    players = {
+        name: Player(
+            policy, pool.num_agents(name), None if deterministic else seeded_generator(policy, seed)
+        )
         for name, policy in policies.items()
     }
     batches = pool.reset(seed)
@@ -130,9 +131,7 @@ def evaluate(
     for _ in range(MAX_STEPS):
         if all(quota.is_met for quota in quotas.values()):
             break
-        batches = pool.step(
-            {name: policy.act(batches[name], generators[name]) for name, policy in policies.items()}
-        )
+        batches = pool.step({name: player.act(batches[name]) for name, player in players.items()})
         for name, quota in quotas.items():
             quota.record(batches[name])
     for name, quota in quotas.items():
@@ -145,6 +144,6 @@ def evaluate(
     return {name: Evaluation.of(quota.returns, quota.lengths) for name, quota in quotas.items()}
 
 
-def _generator(policy: Policy, seed: int) -> torch.Generator:
-    device: Any = policy.head.log_std.device
-    return torch.Generator(device).manual_seed(policy_seed(seed, policy.spec.name))
+def seeded_generator(policy: Policy, seed: int) -> torch.Generator:
+    """Return a random stream that no other policy of a run with ``seed`` has."""
+    return torch.Generator(policy.device).manual_seed(policy_seed(seed, policy.spec.name))

@@ -6,7 +6,7 @@ that learn from a replay buffer look the same to it, and each policy of a run ma
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from torch import Tensor
@@ -14,7 +14,27 @@ from torch import Tensor
 from ludus.batch import ActionBatch, Batch
 from ludus.train.policy import Policy
 
-__all__ = ["Learner", "LearnerState"]
+__all__ = ["NUM_SAMPLES", "Learner", "LearnerSettings", "LearnerState"]
+
+NUM_SAMPLES = 64
+"""Recent observations that a state carries, for the parity test of exported policies."""
+
+
+@dataclass(frozen=True)
+class LearnerSettings:
+    """What a learner is told about the run it is part of.
+
+    Attributes:
+        engine_rows: Slots of each engine.
+        seed: Of its random stream.
+        is_mixed: Whether updates are computed in bfloat16 where that is safe.
+        is_compiled: Whether they are compiled.
+    """
+
+    engine_rows: list[slice]
+    seed: int
+    is_mixed: bool = False
+    is_compiled: bool = False
 
 
 @dataclass(frozen=True)
@@ -22,12 +42,15 @@ class LearnerState:
     """All that a learner needs to go on later.
 
     Attributes:
-        tensors: By dotted name; saved as safetensors.
+        tensors: By dotted name; saved as safetensors. ``policy.*`` is the policy, ``samples.*``
+            some of the last observations by entry.
         values: JSON values.
+        replay: Tensors by name that only the newest checkpoint needs.
     """
 
     tensors: dict[str, Tensor]
     values: dict[str, Any]
+    replay: dict[str, Tensor] = field(default_factory=dict[str, Tensor])
 
 
 class Learner(Protocol):
@@ -61,6 +84,10 @@ class Learner(Protocol):
 
     def record(self, engine: int, batch: Batch) -> None:
         """Take the outcome of the last actions, and the observations to act on next."""
+        ...
+
+    def learn_meanwhile(self) -> None:
+        """Learn a little while engines simulate; called after actions were sent to an engine."""
         ...
 
     def update(self, progress: float) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Which learner trains a policy: a table from algorithm names to constructors."""
+"""Which learner trains a policy."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import torch
 
 from ludus.pool.interface import Pool
 from ludus.train.config import TrainConfig
+from ludus.train.device import choose_device, uses_bfloat16
 from ludus.train.layers import policy_settings
-from ludus.train.learner import Learner
+from ludus.train.learner import Learner, LearnerSettings
 from ludus.train.policy import Policy
+from ludus.train.policy_config import PPOConfig
 from ludus.train.ppo import PPO
 
 __all__ = ["make_learners", "policy_seed"]
-
-ALGORITHMS = {"ppo": PPO}
 
 
 def make_learners(config: TrainConfig, pool: Pool) -> dict[str, Learner]:
@@ -38,9 +38,18 @@ def policy_seed(seed: int, policy: str) -> int:
 def _make_learner(name: str, config: TrainConfig, pool: Pool) -> Learner:
     spec = pool.policies[name]
     settings = policy_settings(config, spec)
-    seed = policy_seed(config.seed or 0, name)
+    device = choose_device(config.device)
+    about = LearnerSettings(
+        engine_rows=[pool.rows(name, engine) for engine in range(pool.num_engines)],
+        seed=policy_seed(config.seed or 0, name),
+        is_mixed=uses_bfloat16(config, device),
+        is_compiled=config.compile,
+    )
     with cast(Any, torch.random).fork_rng(devices=[]):
-        cast(Any, torch).manual_seed(seed)
-        policy = Policy(spec, settings).to(config.device)
-    rows = [pool.rows(name, engine) for engine in range(pool.num_engines)]
-    return ALGORITHMS[settings.algorithm](policy, settings, rows, seed)
+        cast(Any, torch).manual_seed(about.seed)
+        policy = Policy(spec, settings).to(device)
+        if isinstance(settings, PPOConfig):
+            return PPO(policy, settings, about)
+        from ludus.train.sac import SAC
+
+        return SAC(policy, settings, about)

@@ -96,7 +96,7 @@ def _train_in(
     reporter.started(config, folder.path)
     with Interrupts() as interrupts:
         stop_reason = trainer.run(interrupts.is_stopping, reporter)
-    title = f"{config.target or folder.path.name} · PPO"
+    title = f"{config.target or folder.path.name}"
     draw_learning_curve(folder.metrics, folder.learning_curve, title)
     evaluation: dict[str, Evaluation] = {}
     if stop_reason != "interrupted" and config.evaluation_episodes:

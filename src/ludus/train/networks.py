@@ -1,4 +1,4 @@
-"""Networks over named observation entries: an encoder, an actor and a critic."""
+"""Parts of networks over named observation entries: an encoder, convolutions, layers."""
 
 from __future__ import annotations
 
@@ -13,10 +13,16 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from ludus.spec import ObservationEntry
-from ludus.train.config import PPOConfig
 from ludus.train.normalise import RunningNormaliser
 
-__all__ = ["ActorCritic", "ImageTorso", "Inputs", "ObservationEncoder"]
+__all__ = [
+    "ACTIVATIONS",
+    "FeatureTorso",
+    "ImageTorso",
+    "Inputs",
+    "ObservationEncoder",
+    "perceptron",
+]
 
 ACTIVATIONS: dict[str, type[nn.Module]] = {
     "tanh": nn.Tanh,
@@ -117,30 +123,24 @@ class ImageTorso(nn.Module):
         return functional.relu(self.linear(self.convolutions(scaled)))
 
 
-class ActorCritic(nn.Module):
-    """An actor and a critic with hidden layers of their own, over shared image features."""
+class FeatureTorso(nn.Module):
+    """From inputs to one vector per row: images through convolutions, the rest as it is.
 
-    def __init__(self, encoder: ObservationEncoder, num_outputs: int, config: PPOConfig) -> None:
+    Attributes:
+        size: Elements of that vector.
+    """
+
+    def __init__(self, encoder: ObservationEncoder) -> None:
         super().__init__()
-        self.torsos = nn.ModuleList(ImageTorso(shape) for shape in encoder.image_shapes)
-        size = encoder.vector_size + IMAGE_FEATURES * len(self.torsos)
-        self._actor = perceptron((size, *config.hidden_sizes, num_outputs), config.activation, 0.01)
-        self._critic = perceptron((size, *config.hidden_sizes, 1), config.activation, 1.0)
+        self.images = nn.ModuleList(ImageTorso(shape) for shape in encoder.image_shapes)
+        self.size = encoder.vector_size + IMAGE_FEATURES * len(self.images)
 
-    def features(self, inputs: Inputs) -> Tensor:
-        """Return ``float32[n, features]``, what actor and critic look at."""
+    def forward(self, inputs: Inputs) -> Tensor:
+        """Return ``float32[n, size]``."""
         if not inputs.images:
             return inputs.vector
-        pairs = zip(self.torsos, inputs.images, strict=True)
+        pairs = zip(self.images, inputs.images, strict=True)
         return torch.cat([inputs.vector, *(torso(image) for torso, image in pairs)], 1)
-
-    def actor(self, features: Tensor) -> Tensor:
-        """Return what :class:`~ludus.train.distributions.ActionHead` makes actions of."""
-        return self._actor(features)
-
-    def critic(self, features: Tensor) -> Tensor:
-        """Return the value of each state, ``float32[n]``."""
-        return self._critic(features).squeeze(-1)
 
 
 def perceptron(sizes: tuple[int, ...], activation: str, last_gain: float) -> nn.Sequential:

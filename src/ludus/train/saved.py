@@ -7,8 +7,7 @@ from pathlib import Path
 
 from ludus.spec import PolicySpec
 from ludus.train.checkpoint import Checkpoint, check_spec, read_checkpoint
-from ludus.train.config import PPOConfig
-from ludus.train.layers import lay_over
+from ludus.train.layers import saved_policy
 from ludus.train.load_tensors import load_tensors
 from ludus.train.policy import Policy
 from ludus.train.run_folder import RunFolder
@@ -40,7 +39,7 @@ def _find(run: Path) -> tuple[Path, Checkpoint]:
 
 
 def _load(checkpoint: Checkpoint, name: str, spec: PolicySpec) -> Policy:
-    settings = lay_over(PPOConfig(), checkpoint.config["policies"][name], f"policies.{name}")
+    settings = saved_policy(checkpoint.config["policies"][name], f"policies.{name}")
     policy = Policy(spec, settings)
     load_tensors(policy, checkpoint.learners[name].tensors, "policy.")
     return policy.eval()
