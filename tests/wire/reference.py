@@ -128,14 +128,15 @@ def decode_step(spec: Json, payload: bytes) -> Json:
 def encode_batch(spec: Json, content: Json) -> bytes:
     """Return the payload of a ``BATCH`` (§7)."""
     times = [content[name] for name in ("tick", "engine_us", "bridge_us", "wait_us")]
-    payload = struct.pack("<QIIII", *times, int(content["is_reset"]))
+    flags = int(content["is_reset"]) | int(content["has_requests"]) << 1
+    payload = struct.pack("<QIIII", *times, flags)
     for policy in spec["policies"]:
         part = content["policies"][policy["name"]]
         for entry in policy["observation"]:
             payload += _array(CODES[entry["dtype"]], part["observation"][entry["name"]])
         payload += _array("f", part["reward"])
-        for flags in ("terminated", "truncated", "active"):
-            payload += _array("B", part[flags])
+        for outcome in ("terminated", "truncated", "active"):
+            payload += _array("B", part[outcome])
         if policy["has_action_mask"]:
             payload += _array("B", part["action_mask"])
     for policy in spec["policies"]:
@@ -172,6 +173,7 @@ def quiet_batch(spec: Json, *, is_reset: bool = False, value: float = 0.0) -> Js
         "bridge_us": 0,
         "wait_us": 0,
         "is_reset": is_reset,
+        "has_requests": False,
         "policies": {policy["name"]: _quiet_policy(policy, value) for policy in spec["policies"]},
     }
 

@@ -110,6 +110,7 @@ def actions(draw: st.DrawFn, spec: Spec) -> dict[str, ActionBatch]:
 def batch_contents(draw: st.DrawFn, spec: Spec) -> dict[str, Any]:
     """Contents of a ``BATCH``, as ``protocol/golden`` describes them."""
     content = reference.quiet_batch(spec.to_json(), is_reset=draw(st.booleans()))
+    content["has_requests"] = draw(st.booleans())
     content["tick"] = draw(st.integers(0, 2**64 - 1))
     for name in ("engine_us", "bridge_us", "wait_us"):
         content[name] = draw(st.integers(0, 2**32 - 1))

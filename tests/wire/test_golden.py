@@ -128,6 +128,7 @@ def test_batch_head_is_read(golden: Golden) -> None:
     for name in ("tick", "engine_us", "bridge_us", "wait_us"):
         assert getattr(decoder.times, name) == golden.content[name]
     assert decoder.is_reset is golden.content["is_reset"]
+    assert decoder.has_requests is golden.content["has_requests"]
 
 
 @of_types(FrameType.BATCH)

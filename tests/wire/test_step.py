@@ -58,6 +58,7 @@ def test_batch_is_what_the_engine_wrote(data: st.DataObject) -> None:
     content = data.draw(batch_contents(spec))
     decoder, batches = decode(spec, reference.encode_batch(spec.to_json(), content))
     assert decoder.is_reset == content["is_reset"]
+    assert decoder.has_requests == content["has_requests"]
     assert decoder.times.tick == content["tick"]
     assert list(batches) == [policy.name for policy in spec.policies]
     for name, batch in batches.items():

@@ -120,7 +120,9 @@ func _append_head(frame: PackedByteArray, content: Dictionary) -> void:
 	frame.encode_u32(16, int(content["engine_us"]))
 	frame.encode_u32(20, int(content["bridge_us"]))
 	frame.encode_u32(24, int(content["wait_us"]))
-	frame.encode_u32(28, LudusWire.FLAG_RESET if content["is_reset"] else 0)
+	var flags := LudusWire.FLAG_RESET if content["is_reset"] else 0
+	flags |= LudusWire.FLAG_REQUESTS if content["has_requests"] else 0
+	frame.encode_u32(28, flags)
 
 
 ## Makes a policy of stub agents from its JSON.

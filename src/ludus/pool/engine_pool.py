@@ -61,6 +61,7 @@ class EnginePool:
         self._policies = {policy.name: policy for policy in self._spec.policies}
         self._last: list[Batches | None] = [None] * num_engines
         self._is_lost = [False] * num_engines
+        self._is_in_flight = [False] * num_engines
         self._seed = secrets.randbits(48)
 
     @property
@@ -116,21 +117,31 @@ class EnginePool:
         self._remember_parameters(request)
         for engine in range(self.num_engines):
             self._last[engine] = self._reset_engine(engine, self._part(request, engine))
+            self._is_in_flight[engine] = False
         return self._joined()
 
     def send(self, engine: int, actions: Mapping[str, ActionBatch]) -> None:
         """Send one engine the actions of its own slots and return at once."""
         if self._last[engine] is None:
             raise SequenceError("step before the first reset", hint="call reset() first")
-        try:
-            self._sessions[engine].send(actions)
-        except _RESTARTABLE as error:
-            self._note_loss(engine, error)
+        if self._is_in_flight[engine]:
+            raise SequenceError(
+                f"engine {engine} was sent actions twice", hint="receive its answer first"
+            )
+        if not self._is_lost[engine]:
+            try:
+                self._sessions[engine].send(actions)
+            except _RESTARTABLE as error:
+                self._note_loss(engine, error)
+        self._is_in_flight[engine] = True
 
     def receive(self, engine: int) -> Batches:
         """Wait for one engine's answer; views that its next ``receive`` overwrites."""
+        if not self._is_in_flight[engine]:
+            raise SequenceError("nothing to receive", hint="call send() first")
         # What comes may overwrite what was there, even if the engine dies on the way.
         before = _remembered(self._last[engine]) if self._max_restarts else {}
+        self._is_in_flight[engine] = False
         if not self._is_lost[engine]:
             try:
                 batches = self._sessions[engine].receive()
@@ -158,6 +169,32 @@ class EnginePool:
     ) -> list[Any]:
         """Call a method of the game in every engine; returns one value per engine."""
         return [session.call(target, method, arguments) for session in self._sessions]
+
+    def take_requests(self) -> list[dict[str, Any]]:
+        """Fetch what the games ask of the trainer; see :meth:`ludus.pool.Pool.take_requests`."""
+        self._check_idle("take_requests")
+        taken: list[dict[str, Any]] = []
+        for engine, session in enumerate(self._sessions):
+            if self._is_lost[engine]:
+                continue
+            try:
+                requests = session.take_requests()
+            except _RESTARTABLE as error:
+                self._note_loss(engine, error)
+            else:
+                taken += [request for request in requests if request not in taken]
+        return taken
+
+    def show_status(self, status: Mapping[str, Any]) -> None:
+        """Tell the games how training goes; see :meth:`ludus.pool.Pool.show_status`."""
+        self._check_idle("show_status")
+        for engine, session in enumerate(self._sessions):
+            if self._is_lost[engine]:
+                continue
+            try:
+                session.show_status(status)
+            except _RESTARTABLE as error:
+                self._note_loss(engine, error)
 
     def times(self, engine: int) -> StepTimes:
         """Return where the time of that engine's last step went."""
@@ -194,6 +231,14 @@ class EnginePool:
             self._max_restarts,
             error,
         )
+
+    def _check_idle(self, method: str) -> None:
+        """Refuse to disturb a step: nothing may be lost of what some engines have told already."""
+        if any(self._is_in_flight):
+            engine = self._is_in_flight.index(True)
+            raise SequenceError(
+                f"{method} while engine {engine} is in a step", hint="receive its answer first"
+            )
 
     def _part(self, request: ResetRequest, engine: int) -> ResetRequest:
         """Return what of a request is meant for one engine."""

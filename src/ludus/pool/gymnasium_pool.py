@@ -154,6 +154,13 @@ class GymnasiumPool:
         """Return zeros: there is no engine."""
         return StepTimes(self._num_steps, 0, 0, 0)
 
+    def take_requests(self) -> list[dict[str, Any]]:
+        """Return nothing: environments ask nothing of their trainer."""
+        return []
+
+    def show_status(self, status: Mapping[str, Any]) -> None:
+        """Show nothing: environments do not watch their training."""
+
     def close(self) -> None:
         """Close all environments."""
         for env in self._envs:

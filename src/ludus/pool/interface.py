@@ -83,6 +83,38 @@ class Pool(Protocol):
         """Return where the time of that engine's last step went."""
         ...
 
+    def take_requests(self) -> list[dict[str, Any]]:
+        """Fetch what the games ask of the trainer (PROTOCOL.md §8); cheap if there is nothing.
+
+        Call it between two steps, when every ``send`` has had its ``receive``.
+
+        Returns:
+            Objects such as ``{"kind": "set_mode", "policy": "hero", "mode": "frozen"}``, engine by
+            engine, oldest first; equal ones of several engines once. What is checked, and what
+            is not: :func:`ludus.wire.requests.read_requests`.
+
+        Raises:
+            SequenceError: An answer was not received yet.
+            EngineError: An engine failed and may not be restarted again.
+        """
+        ...
+
+    def show_status(self, status: Mapping[str, Any]) -> None:
+        """Tell the games how training goes (PROTOCOL.md §8); one round trip for each engine.
+
+        Call it between two steps, as :meth:`take_requests`, and a few times a second at most.
+
+        Args:
+            status: ``{"agent_steps": int, "updates": int, "policies": {name: {"mode": word,
+                "mean_return": float or None}}}``; plain JSON, without NaN.
+
+        Raises:
+            UsageError: The status is not JSON.
+            SequenceError: An answer was not received yet.
+            EngineError: An engine failed and may not be restarted again.
+        """
+        ...
+
     @property
     def num_restarts(self) -> int:
         """Engines restarted so far, after a crash or a missed deadline."""

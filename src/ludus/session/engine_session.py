@@ -23,6 +23,8 @@ from ludus.session.supervision import Supervision
 from ludus.spec import PolicySpec, Spec
 from ludus.wire.frames import FrameType, decode_json, encode_frame, encode_json
 from ludus.wire.handshake import EngineConfig, Hello, welcome
+from ludus.wire.requests import CAPABILITY as REQUESTS
+from ludus.wire.requests import read_requests
 from ludus.wire.reset import ResetRequest
 from ludus.wire.spec_reader import read_spec
 from ludus.wire.state import ConnectionState, State
@@ -32,6 +34,7 @@ __all__ = ["EngineSession"]
 
 _ENDINGS = (FrameType.ERROR, FrameType.CLOSE)
 _GOODBYE_S = 1.0
+_BRIDGE = {"bridge": True}
 
 
 class EngineSession:
@@ -109,6 +112,11 @@ class EngineSession:
         """Process id of the engine; None if it is not ours."""
         return self._supervision.pid
 
+    @property
+    def has_requests(self) -> bool:
+        """Whether the game asked for something that was not taken yet, as of the last answer."""
+        return self._decoder.has_requests and REQUESTS in self._hello.capabilities
+
     def reset(self, request: ResetRequest) -> Batches:
         """Begin new episodes (PROTOCOL.md §5).
 
@@ -183,6 +191,42 @@ class EngineSession:
         if "error" in result:
             raise GameError(f"call of {method} failed: {result['error']}")
         return result.get("value")
+
+    def take_requests(self) -> list[dict[str, Any]]:
+        """Fetch what the game asks for; see :func:`ludus.wire.requests.read_requests`.
+
+        The engine is asked only if it has said that there is something.
+
+        Returns:
+            The requests, oldest first; none if the game asks for nothing.
+
+        Raises:
+            SequenceError: The answer to ``send`` was not received yet.
+            ProtocolError: The engine answered something else than a list of requests.
+            EngineError: The engine failed.
+        """
+        if not self.has_requests:
+            return []
+        value = self.call(_BRIDGE, "take_requests")
+        with self._explained():
+            requests = read_requests(value)
+        self._decoder.has_requests = False
+        return requests
+
+    def show_status(self, status: Mapping[str, Any]) -> None:
+        """Tell the game how training goes; without effect on an engine that cannot show it.
+
+        Args:
+            status: ``{"agent_steps": int, "updates": int, "policies": {name: {"mode": word,
+                "mean_return": float or None}}}``; plain JSON, without NaN.
+
+        Raises:
+            UsageError: The status is not JSON.
+            SequenceError: The answer to ``send`` was not received yet.
+            EngineError: The engine failed.
+        """
+        if REQUESTS in self._hello.capabilities:
+            self.call(_BRIDGE, "show_status", [dict(status)])
 
     def ping(self, payload: bytes = b"") -> bytes:
         """Send bytes and wait until they come back."""

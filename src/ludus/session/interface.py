@@ -41,6 +41,19 @@ class Session(Protocol):
         """Call a method of the game (PROTOCOL.md §8) and return its JSON value."""
         ...
 
+    @property
+    def has_requests(self) -> bool:
+        """Whether the game asked for something that was not taken yet, as of the last answer."""
+        ...
+
+    def take_requests(self) -> list[dict[str, Any]]:
+        """Fetch what the game asks for, oldest first (PROTOCOL.md §8); nothing if it does not."""
+        ...
+
+    def show_status(self, status: Mapping[str, Any]) -> None:
+        """Tell the game how training goes (PROTOCOL.md §8), if it wants to know."""
+        ...
+
     def close(self) -> None:
         """End the conversation and the engine; may be called twice."""
         ...

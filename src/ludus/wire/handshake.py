@@ -13,7 +13,7 @@ __all__ = ["CAPABILITIES", "PROTOCOL_MAX", "PROTOCOL_MIN", "EngineConfig", "Hell
 
 PROTOCOL_MIN = 1
 PROTOCOL_MAX = 1
-CAPABILITIES = frozenset({"call", "ceiling", "rebuild", "reset_worlds"})
+CAPABILITIES = frozenset({"call", "ceiling", "rebuild", "requests", "reset_worlds"})
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,8 @@ from ludus.wire.frames import HEADER, HEADER_BYTES, FrameType, padded
 __all__ = ["BatchDecoder", "StepEncoder", "max_batch_bytes"]
 
 _HEAD = struct.Struct("<QIIII")
+_FLAG_RESET = 1
+_FLAG_REQUESTS = 2
 _FINAL_HEAD = struct.Struct("<II")
 
 
@@ -74,6 +76,7 @@ class BatchDecoder:
         self._empty = {policy.name: _no_final(policy) for policy in spec.policies}
         self.times = StepTimes(0, 0, 0, 0)
         self.is_reset = False
+        self.has_requests = False
 
     def decode(self, num_bytes: int) -> Batches:
         """Interpret a payload of ``num_bytes`` that lies in :attr:`buffer` behind the header.
@@ -90,7 +93,8 @@ class BatchDecoder:
             )
         tick, engine_us, bridge_us, wait_us, flags = _HEAD.unpack_from(self.buffer, HEADER_BYTES)
         self.times = StepTimes(tick, engine_us, bridge_us, wait_us)
-        self.is_reset = bool(flags & 1)
+        self.is_reset = bool(flags & _FLAG_RESET)
+        self.has_requests = bool(flags & _FLAG_REQUESTS)
         self._decode_final(num_bytes)
         return self._batches
 

@@ -10,6 +10,12 @@ extends Node
 
 ## Emitted when a trainer has connected and the worlds stand.
 signal training_started(num_worlds: int)
+## Emitted a few times a second while training runs. [param status] holds [code]agent_steps[/code],
+## [code]updates[/code] and [code]policies[/code]: by name, [code]mode[/code] (a word) and
+## [code]mean_return[/code] (a number, or null as long as there is none).
+signal training_status(status: Dictionary)
+## Emitted when the trainer has put a policy into another mode, and once at the start.
+signal policy_mode_changed(policy: String, mode: PolicyMode)
 
 ## What the bridge does in the next tick.
 enum Phase {
@@ -20,6 +26,13 @@ enum Phase {
 	SETTLING,  ## Some worlds tick alone before they are observed.
 	CEILING,  ## Random play inside the engine.
 	ENDED,  ## The game quits.
+}
+
+## How a policy takes part in training.
+enum PolicyMode {
+	TRAIN,  ## It learns.
+	FROZEN,  ## It acts as in training, with chance, and learns nothing.
+	DETERMINISTIC,  ## It takes its most probable action and learns nothing.
 }
 
 const CONNECT_TIMEOUT_MS := 10000
@@ -39,11 +52,18 @@ var _ticks_left: int = 0
 var _num_ticks: int = 0
 var _has_reset: bool = false
 var _batch_flags: int = 0
+var _requests := LudusRequests.new()
+var _status := LudusTrainingStatus.new()
 ## Clock of PROTOCOL.md §7, microseconds.
 var _left_us: int = 0
 var _engine_us: int = 0
 var _bridge_us: int = 0
 var _wait_us: int = 0
+
+
+func _init() -> void:
+	_status.received.connect(training_status.emit)
+	_status.policy_mode_changed.connect(policy_mode_changed.emit)
 
 
 func _enter_tree() -> void:
@@ -96,6 +116,23 @@ func _physics_process(_delta: float) -> void:
 	_left_us = Time.get_ticks_usec()
 
 
+## Asks the trainer to put a policy into another mode. Returns false if nobody trains the game, or
+## if it has no such policy; the signal [signal policy_mode_changed] tells when it is done.
+func set_policy_mode(policy: String, mode: PolicyMode) -> bool:
+	return _requests.set_mode(policy, mode)
+
+
+## Asks the trainer to save a checkpoint. Returns false if nobody trains the game.
+func save_checkpoint() -> bool:
+	return _requests.add({"kind": "save"})
+
+
+## Asks the trainer to save a checkpoint and end the run; the game then quits. Returns false if
+## nobody trains the game.
+func stop_training() -> bool:
+	return _requests.add({"kind": "stop"})
+
+
 func _repeat(now: int) -> void:
 	_game.repeat_actions()
 	_bridge_us += Time.get_ticks_usec() - now
@@ -146,7 +183,7 @@ func _answer() -> void:
 	frame.encode_u32(16, _engine_us)
 	frame.encode_u32(20, _bridge_us)
 	frame.encode_u32(24, _wait_us)
-	frame.encode_u32(28, _batch_flags)
+	frame.encode_u32(28, _batch_flags | _requests.flags())
 	_send(LudusWire.finish(frame))
 
 
@@ -231,7 +268,10 @@ func _handle_call() -> bool:
 		_phase = Phase.CEILING
 		_has_reset = false
 		return true
-	_send(call.answer(_game))
+	if call.is_for_bridge():
+		_send(call.answer_for_bridge(_requests, _status))
+	else:
+		_send(call.answer(_game))
 	return false
 
 
@@ -287,11 +327,14 @@ func _greet() -> void:
 	if scene == null:
 		_fail(handshake.code, handshake.error, handshake.hint)
 		return
+	_requests.open(handshake.capabilities)
 	_open(handshake, scene)
 	if _phase == Phase.ENDED:
 		return
 	var spec := _game.to_json()
 	spec["scene"] = scene.resource_path
+	for policy: LudusPolicyBatch in _game.policies:
+		_requests.policy_names.append(policy.policy_name)
 	training_started.emit(_stage.worlds.size())
 	_send(LudusWire.json_frame(LudusWire.Type.SPEC, spec))
 	_serve()

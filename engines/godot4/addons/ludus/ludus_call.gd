@@ -3,6 +3,8 @@ extends RefCounted
 ## One method call by name (PROTOCOL.md §8).
 
 const CEILING_METHOD := "run_ceiling"
+const TAKE_REQUESTS_METHOD := "take_requests"
+const SHOW_STATUS_METHOD := "show_status"
 
 var _message: Dictionary = {}
 
@@ -15,7 +17,29 @@ func _init(payload: PackedByteArray) -> void:
 
 ## Whether the add-on itself is asked to measure the ceiling.
 func is_ceiling() -> bool:
-	return bool(_target().get("bridge", false)) and _message.get("method") == CEILING_METHOD
+	return is_for_bridge() and _message.get("method") == CEILING_METHOD
+
+
+## Whether the add-on itself is called.
+func is_for_bridge() -> bool:
+	return is_same(_target().get("bridge"), true)
+
+
+## Calls a method of the add-on and returns the frame with its result.
+func answer_for_bridge(requests: LudusRequests, status: LudusTrainingStatus) -> PackedByteArray:
+	var result := {"id": int(_message.get("id", 0))}
+	var arguments := _arguments()
+	var method := str(_message.get("method", ""))
+	if method == TAKE_REQUESTS_METHOD:
+		result["value"] = requests.take()
+	elif method != SHOW_STATUS_METHOD:
+		result["error"] = "the add-on has no method %s" % method
+	elif arguments.size() != 1 or arguments[0] is not Dictionary:
+		result["error"] = "%s takes one object" % method
+	else:
+		status.take_in(arguments[0])
+		result["value"] = null
+	return LudusWire.json_frame(LudusWire.Type.RESULT, result)
 
 
 ## Starts that measurement.

@@ -11,6 +11,8 @@ const MAIN_SCENE_SETTING := "application/run/main_scene"
 
 ## What the trainer asked for; see PROTOCOL.md §3.
 var config: Dictionary = {}
+## The features that both sides have.
+var capabilities: Array = []
 ## Code and text of what went wrong, and a hint; empty texts if nothing did.
 var code: String = ""
 var error: String = ""
@@ -93,6 +95,8 @@ func _accept(welcome: Dictionary) -> bool:
 	if settings is not Dictionary:
 		return _refuse("config", "config is no object")
 	config = settings
+	var common: Variant = welcome.get("capabilities")
+	capabilities = common if common is Array else []
 	var num_worlds := integer("num_worlds", 1)
 	if num_worlds < 1 or num_worlds > MAX_WORLDS:
 		return _refuse("config", "num_worlds is %d, the limit is %d" % [num_worlds, MAX_WORLDS])

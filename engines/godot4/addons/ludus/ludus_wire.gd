@@ -29,7 +29,7 @@ enum ResetAction {
 const PROTOCOL_MIN := 1
 const PROTOCOL_MAX := 1
 const ADDON_VERSION := "0.1.0"
-const CAPABILITIES: PackedStringArray = ["call", "ceiling", "rebuild", "reset_worlds"]
+const CAPABILITIES: PackedStringArray = ["call", "ceiling", "rebuild", "requests", "reset_worlds"]
 const HEADER_BYTES := 8
 const MAX_PAYLOAD_BYTES := 268435456
 const MAX_JSON_BYTES := 16777216
@@ -37,6 +37,7 @@ const MAX_PING_BYTES := 1048576
 const DEFAULT_PORT := 11011
 const BATCH_HEAD_BYTES := 24
 const FLAG_RESET := 1
+const FLAG_REQUESTS := 2
 
 
 ## Returns an empty frame of the given type, to append a payload to; see [method finish].
