@@ -81,7 +81,7 @@ def other_format(path: Path) -> None:
         (damage_tensors, "is corrupt: tensors.safetensors is not what was saved"),
         (cut_state, "is corrupt: state.json"),
         (empty_state, "is corrupt: KeyError"),
-        (other_format, "has format 99, this version reads 1"),
+        (other_format, "has format 99, this version reads 2"),
         (
             lose_tensors,
             "is corrupt: tensors.safetensors: No",

@@ -26,6 +26,7 @@ from ludus.train.progress import Progress, SilentReporter
 from ludus.train.run_folder import RunFolder
 
 ROOT = Path(__file__).parents[2]
+ELSEWHERE = {"elo"}  # metrics that a run of PPO without self-play does not have
 
 
 def newest(run: Path) -> Checkpoint:
@@ -56,7 +57,7 @@ def test_every_metric_is_documented_and_steps_grow(small: Any) -> None:
     for line in lines:
         assert line.keys() - {"policies"} == METRICS.keys()
         assert line["policies"]["agent"].keys() <= POLICY_METRICS.keys()
-    assert lines[-1]["policies"]["agent"].keys() == POLICY_METRICS.keys()
+    assert POLICY_METRICS.keys() - lines[-1]["policies"]["agent"].keys() <= ELSEWHERE
 
 
 def test_events_can_be_read_by_tensorboard(small: Any) -> None:

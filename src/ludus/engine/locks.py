@@ -11,9 +11,14 @@ from pathlib import Path
 
 from ludus.errors import SetupError
 
-__all__ = ["file_lock"]
+__all__ = ["LockHeld", "file_lock"]
 
 _POLL_S = 0.05
+
+
+class LockHeld(SetupError):  # noqa: N818 - reads as what happened
+    """Another process holds the lock."""
+
 
 if sys.platform == "win32":
     import msvcrt
@@ -48,7 +53,7 @@ def file_lock(path: Path, timeout_s: float) -> Generator[None, None, None]:
     """Hold an exclusive lock on ``path``, which is created and left behind empty.
 
     Raises:
-        SetupError: Somebody else held the lock for ``timeout_s`` seconds.
+        LockHeld: Somebody else held the lock for ``timeout_s`` seconds.
         OSError: The file cannot be created.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -67,7 +72,7 @@ def _wait_for(descriptor: int, path: Path, timeout_s: float) -> None:
     deadline = time.monotonic() + timeout_s
     while not _try_lock(descriptor):
         if time.monotonic() > deadline:
-            raise SetupError(
+            raise LockHeld(
                 f"another process has held {path} for {timeout_s:.0f} s",
                 hint="wait for it, or end it if it hangs",
             )

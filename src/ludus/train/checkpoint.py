@@ -3,8 +3,9 @@
 ::
 
     checkpoints/step-000000122880/
-        tensors.safetensors     every tensor, "<policy>/<name>"
-        state.json              all the rest, and the hash of the tensors
+        tensors.safetensors     every tensor, "<policy>/<name>", past selves "@league/…"
+        replay.safetensors      replay buffers, in the newest checkpoint only
+        state.json              all the rest, and the hashes of the tensors
 """
 
 from __future__ import annotations
@@ -15,13 +16,14 @@ import logging
 import os
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
 from safetensors import SafetensorError
 from safetensors.torch import load as load_safetensors
 from safetensors.torch import save as save_safetensors
+from torch import Tensor
 
 from ludus.errors import CheckpointError
 from ludus.spec import PolicySpec
@@ -30,8 +32,9 @@ from ludus.train.learner import LearnerState
 
 __all__ = ["Checkpoint", "CheckpointStore", "check_spec", "read_checkpoint", "write_checkpoint"]
 
-FORMAT = 1
-TENSORS, STATE = "tensors.safetensors", "state.json"
+FORMAT = 2
+TENSORS, REPLAY, STATE = "tensors.safetensors", "replay.safetensors", "state.json"
+LEAGUE = "@league"
 TEMPORARY = ".writing-"
 
 log = logging.getLogger(__name__)
@@ -49,6 +52,7 @@ class Checkpoint:
         fingerprints: Of each policy's spec.
         config: Effective settings.
         run: The rest, as JSON values: counters, episode statistics, random streams.
+        league: Past selves, see :meth:`ludus.train.league.League.state`.
     """
 
     agent_steps: int
@@ -58,6 +62,7 @@ class Checkpoint:
     fingerprints: dict[str, str]
     config: dict[str, Any]
     run: dict[str, Any]
+    league: dict[str, Tensor] = field(default_factory=dict[str, Tensor])
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
@@ -66,15 +71,14 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     Raises:
         RunError: The disk is full, or the folder may not be written to.
     """
-    tensors = {
-        f"{policy}/{name}": tensor.contiguous()
-        for policy, learner in checkpoint.learners.items()
-        for name, tensor in learner.tensors.items()
-    }
-    data = save_safetensors(tensors)
+    parts = {name: learner.tensors for name, learner in checkpoint.learners.items()}
+    replays = {name: learner.replay for name, learner in checkpoint.learners.items()}
+    data = save_safetensors(_joined({**parts, LEAGUE: checkpoint.league}))
+    replay = save_safetensors(_joined(replays)) if any(replays.values()) else None
     state = {
         "format": FORMAT,
         "tensors_sha256": hashlib.sha256(data).hexdigest(),
+        "replay_sha256": None if replay is None else hashlib.sha256(replay).hexdigest(),
         "agent_steps": checkpoint.agent_steps,
         "mean_return": checkpoint.mean_return,
         "learners": {name: learner.values for name, learner in checkpoint.learners.items()},
@@ -88,6 +92,8 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         try:
             temporary.mkdir(parents=True)
             write_synced(temporary / TENSORS, data)
+            if replay is not None:
+                write_synced(temporary / REPLAY, replay)
             write_synced(temporary / STATE, json.dumps(state).encode())
             sync_folder(temporary)
             temporary.rename(path)
@@ -96,23 +102,27 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
             shutil.rmtree(temporary, ignore_errors=True)
 
 
-def read_checkpoint(path: Path) -> Checkpoint:
+def read_checkpoint(path: Path, *, has_replay: bool = False) -> Checkpoint:
     """Return the checkpoint in a folder.
+
+    Args:
+        path: The folder.
+        has_replay: Read replay buffers as well, if they are still there.
 
     Raises:
         CheckpointError: It is missing, incomplete or corrupt.
     """
     state = _read_state(path)
+    tensors = _read_tensors(path, TENSORS, state.get("tensors_sha256"))
+    replay: dict[str, Tensor] = {}
+    if has_replay and state.get("replay_sha256"):
+        if (path / REPLAY).exists():
+            replay = _read_tensors(path, REPLAY, state["replay_sha256"])
+        else:
+            log.warning("%s has no replay any more; it begins empty", path)
     try:
-        data = (path / TENSORS).read_bytes()
-    except OSError as error:
-        raise _corrupt(path, f"{TENSORS}: {error.strerror}") from None
-    if hashlib.sha256(data).hexdigest() != state.get("tensors_sha256"):
-        raise _corrupt(path, f"{TENSORS} is not what was saved")
-    try:
-        tensors = load_safetensors(data)
         learners = {
-            name: LearnerState(_of_policy(tensors, name), values)
+            name: LearnerState(_of_policy(tensors, name), values, _of_policy(replay, name))
             for name, values in state["learners"].items()
         }
         return Checkpoint(
@@ -123,9 +133,31 @@ def read_checkpoint(path: Path) -> Checkpoint:
             fingerprints=state["fingerprints"],
             config=state["config"],
             run=state["run"],
+            league=_of_policy(tensors, LEAGUE),
         )
-    except (KeyError, TypeError, ValueError, AttributeError, SafetensorError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise _corrupt(path, f"{type(error).__name__}: {error}") from None
+
+
+def _joined(parts: Mapping[str, Mapping[str, Tensor]]) -> dict[str, Tensor]:
+    return {
+        f"{part}/{name}": tensor.contiguous()
+        for part, tensors in parts.items()
+        for name, tensor in tensors.items()
+    }
+
+
+def _read_tensors(path: Path, name: str, sha256: object) -> dict[str, Tensor]:
+    try:
+        data = (path / name).read_bytes()
+    except OSError as error:
+        raise _corrupt(path, f"{name}: {error.strerror}") from None
+    if hashlib.sha256(data).hexdigest() != sha256:
+        raise _corrupt(path, f"{name} is not what was saved")
+    try:
+        return load_safetensors(data)
+    except (ValueError, SafetensorError) as error:
+        raise _corrupt(path, f"{name}: {error}") from None
 
 
 def check_spec(
@@ -167,15 +199,18 @@ class CheckpointStore:
             self._prune()
         return path
 
-    def newest(self) -> tuple[Path, Checkpoint]:
+    def newest(self, *, has_replay: bool = False) -> tuple[Path, Checkpoint]:
         """Return the newest checkpoint that can be loaded, and where it is.
+
+        Args:
+            has_replay: Read replay buffers as well.
 
         Raises:
             CheckpointError: There is none.
         """
         for path in reversed(self.paths()):
             try:
-                return path, read_checkpoint(path)
+                return path, read_checkpoint(path, has_replay=has_replay)
             except CheckpointError as error:
                 log.warning("%s; trying an older one", error.message)
         raise CheckpointError(
@@ -199,6 +234,8 @@ class CheckpointStore:
                 # Hidden first, so that one half removed is never taken for a checkpoint.
                 doomed = path.rename(path.with_name(f"{TEMPORARY}{path.name}"))
                 shutil.rmtree(doomed, ignore_errors=True)
+        for path in self.paths()[:-1]:
+            (path / REPLAY).unlink(missing_ok=True)  # large, and only the newest is resumed
 
 
 def _mean_return(path: Path) -> tuple[float] | None:

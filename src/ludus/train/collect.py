@@ -9,9 +9,13 @@ from dataclasses import dataclass, replace
 from ludus.batch import Batch
 from ludus.pool.interface import Pool
 from ludus.train.episodes import EpisodeTracker
-from ludus.train.learner import Learner
+from ludus.train.league import League
+from ludus.train.seat import Seat
 
 __all__ = ["CollectTimes", "Collector"]
+
+IDLE_STEPS = 32
+"""Steps between two moments of decision while no policy learns."""
 
 
 @dataclass
@@ -32,21 +36,32 @@ class CollectTimes:
 
 
 class Collector:
-    """Steps all engines of a pool, with one learner for each policy.
+    """Steps all engines of a pool, with one seat for each policy.
 
     Engines take turns in a fixed order, so that equal seeds give equal runs: receive from one,
     choose its next actions, send them, go on to the next. While actions are chosen for one engine
-    all the others simulate.
+    all the others simulate; while all simulate, learners that can do so learn.
+
+    Args:
+        pool: The engines.
+        seats: By policy.
+        trackers: By policy.
+        league: The same that the seats have; None without self-play.
     """
 
     def __init__(
-        self, pool: Pool, learners: Mapping[str, Learner], trackers: Mapping[str, EpisodeTracker]
+        self,
+        pool: Pool,
+        seats: Mapping[str, Seat],
+        trackers: Mapping[str, EpisodeTracker],
+        league: League | None = None,
     ) -> None:
         self._pool = pool
-        self._learners = learners
+        self._seats = seats
         self._trackers = trackers
+        self._league = league
         self._engines = range(pool.num_engines)
-        self._rows = [{name: pool.rows(name, k) for name in learners} for k in self._engines]
+        self._rows = [{name: pool.rows(name, k) for name in seats} for k in self._engines]
         self.times = CollectTimes()
 
     @property
@@ -58,11 +73,13 @@ class Collector:
         """Begin new episodes everywhere; drops what no learner has learnt from yet."""
         batches = self._pool.reset(seed)
         for engine in self._engines:
-            for name, learner in self._learners.items():
-                rows = self._rows[engine][name]
-                first = first_rows(batches[name], rows)
-                learner.begin(engine, first)
-                self._trackers[name].begin(rows, first)
+            rows = self._rows[engine]
+            firsts = {name: first_rows(batches[name], rows[name]) for name in self._seats}
+            if self._league is not None:
+                self._league.begin(engine, firsts)
+            for name, seat in self._seats.items():
+                own = seat.begin(engine, firsts[name])
+                self._trackers[name].begin(rows[name], own)
 
     def collect(self, is_stopping: Callable[[], bool]) -> bool:
         """Step until a learner is due to update.
@@ -75,7 +92,7 @@ class Collector:
         """
         in_flight = [False] * len(self._engines)
         is_complete = True
-        for _ in range(min(learner.num_steps_left for learner in self._learners.values())):
+        for _ in range(self._num_steps_left()):
             if is_stopping():
                 is_complete = False
                 break
@@ -89,13 +106,17 @@ class Collector:
                 self._receive(engine)
         return is_complete
 
+    def _num_steps_left(self) -> int:
+        left = (seat.num_steps_left for seat in self._seats.values())
+        return min((steps for steps in left if steps is not None), default=IDLE_STEPS)
+
     def _send(self, engine: int) -> None:
         start = time.perf_counter()
-        actions = {name: learner.act(engine) for name, learner in self._learners.items()}
+        actions = {name: seat.act(engine) for name, seat in self._seats.items()}
         self._pool.send(engine, actions)
         sent = time.perf_counter()
-        for learner in self._learners.values():
-            learner.learn_meanwhile()
+        for seat in self._seats.values():
+            seat.learn_meanwhile()
         self.times.act_s += sent - start
         self.times.learn_s += time.perf_counter() - sent
 
@@ -103,9 +124,11 @@ class Collector:
         start = time.perf_counter()
         batches = self._pool.receive(engine)
         received = time.perf_counter()
-        for name, learner in self._learners.items():
-            learner.record(engine, batches[name])
-            self._trackers[name].record(self._rows[engine][name], batches[name])
+        if self._league is not None:
+            self._league.record(engine, batches)
+        for name, seat in self._seats.items():
+            own = seat.record(engine, batches[name])
+            self._trackers[name].record(self._rows[engine][name], own)
         self.times.wait_s += received - start
         self.times.record_s += time.perf_counter() - received
 

@@ -64,7 +64,7 @@ def train(
     reporter = reporter or SilentReporter()
     folder = RunFolder.find(resume) if resume else RunFolder.create(config)
     try:
-        with _pool_for(config, pool, folder) as source, _log_file(folder):
+        with folder.locked(), _pool_for(config, pool, folder) as source, _log_file(folder):
             config = complete(configure(source.policies) if configure else config, source.policies)
             return _train_in(source, config, folder, resume is not None, reporter)
     finally:
@@ -87,7 +87,7 @@ def _train_in(
     if is_resumed:
         store = folder.checkpoints(config.keep_checkpoints)
         store.clean()
-        path, checkpoint = store.newest()
+        path, checkpoint = store.newest(has_replay=True)
         check_spec(checkpoint.fingerprints, pool.policies, path)
         trainer.resume(checkpoint)
         MetricsLog.forget_after(folder.metrics, checkpoint.agent_steps)

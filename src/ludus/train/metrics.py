@@ -17,14 +17,14 @@ from ludus.train.event_file import EventFile
 __all__ = ["METRICS", "POLICY_METRICS", "MetricsLog", "read_metrics"]
 
 METRICS: dict[str, str] = {
-    "agent_steps": "Agent steps so far: decisions of active agents of all policies.",
-    "updates": "Updates so far, counting one when any policy has learnt.",
+    "agent_steps": "Agent steps so far: decisions of active agents, without those of past selves.",
+    "updates": "Updates so far: rounds of collecting, after each of which some policy has learnt.",
     "wall_s": "Seconds of training so far, over all resumptions; without start and evaluation.",
     "steps_per_s": "Agent steps per second since the last update, learning included.",
     "wait_share": "Share of that time spent waiting for engines.",
     "act_share": "Share of that time spent choosing and sending actions.",
     "record_share": "Share of that time spent recording outcomes.",
-    "update_share": "Share of that time spent learning.",
+    "update_share": "Share of that time spent learning, between steps or while engines simulated.",
     "restarts": "Engines restarted so far, after a crash or a missed deadline.",
 }
 """Metrics of a run."""
@@ -37,6 +37,8 @@ POLICY_METRICS: dict[str, str] = {
     "return_p90": "Their 90th percentile.",
     "mean_length": "Mean agent steps of the last return_window episodes.",
     "episodes": "Episodes that ended so far.",
+    "is_learning": "1 in mode train, 0 in frozen and deterministic.",
+    "elo": "Rating of the policy as it is now; with self-play only.",
     "policy_loss": "Clipped surrogate objective with the sign turned; PPO paper, equation 7.",
     "value_loss": "Half the mean squared error of the value, in units of scaled rewards.",
     "entropy": "Mean entropy of the action distribution, nats.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from ludus.batch import ActionBatch, Batch
@@ -91,33 +92,46 @@ class Player:
         self._was_active = np.zeros(num_slots, np.bool_)
 
     @torch.inference_mode()
-    def act(self, batch: Batch) -> ActionBatch:
+    def act(self, batch: Batch, rows: NDArray[np.int64] | None = None) -> ActionBatch:
         """Return the action of every slot.
 
         What a slot remembers is forgotten where ``batch`` says that its episode has ended.
 
         Args:
             batch: What the slots observe, and what came of their last actions.
+            rows: ``int64[m]``, slots to act in; None acts in all.
+
+        Returns:
+            Actions of those ``m`` slots.
         """
         policy, device = self.policy, self.policy.device
-        if self._state is not None:
-            is_over = as_tensor(batch.terminated | batch.truncated | ~self._was_active, device)
-            self._state = self._state.masked_fill(is_over.unsqueeze(1), 0.0)
-            self._was_active[...] = batch.active
-        inputs = policy.encoder(as_tensors(batch.observation, device))
-        outputs, self._state = policy.act_on(inputs, self._state)
+        chosen: NDArray[np.int64] | slice = slice(None) if rows is None else rows
+        observation = {name: array[chosen] for name, array in batch.observation.items()}
+        inputs = policy.encoder(as_tensors(observation, device))
+        state = self._recall(batch, chosen)
+        outputs, state = policy.act_on(inputs, state)
+        if self._state is not None and state is not None:
+            self._state[chosen] = state
         noise = None
         if self._generator is not None:
-            policy.head.fill_noise(self._noise, self._generator)
-            noise = self._noise
-        mask = None if batch.action_mask is None else as_tensor(batch.action_mask, device)
+            noise = self._noise[: len(outputs)]
+            policy.head.fill_noise(noise, self._generator)
+        mask = None if batch.action_mask is None else as_tensor(batch.action_mask[chosen], device)
         discrete, continuous = policy.head.sample(outputs, noise, mask)
         return ActionBatch(discrete.cpu().numpy(), policy.head.to_bounds(continuous).cpu().numpy())
 
+    def _recall(self, batch: Batch, chosen: NDArray[np.int64] | slice) -> Tensor | None:
+        """Return what some slots remember of their episodes."""
+        if self._state is None:
+            return None
+        goes_on = self._was_active & ~(batch.terminated | batch.truncated)
+        self._was_active[...] = batch.active
+        keep = as_tensor(goes_on[chosen], self.policy.device).unsqueeze(1)
+        return self._state[chosen] * keep
+
     def forget(self) -> None:
         """Forget everything, as all episodes begin anew."""
-        if self._state is not None:
-            self._state = torch.zeros_like(self._state)
+        self._was_active[...] = False
 
 
 def _gaussian_shape(config: PolicyConfig) -> GaussianShape:

@@ -12,7 +12,8 @@ from ludus.train.evaluation import Evaluation
 
 __all__ = ["Progress", "Reporter", "RunResult", "SilentReporter", "StopReason"]
 
-StopReason = Literal["total_steps", "max_time", "target_return", "interrupted"]
+StopReason = Literal["total_steps", "max_time", "target_return", "stopped", "interrupted"]
+"""``stopped``: by the game or ``ludus control``; ``interrupted``: by a signal."""
 
 
 @dataclass(frozen=True)

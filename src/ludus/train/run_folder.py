@@ -11,6 +11,7 @@
         evaluation.json
         train.log
         engine-logs/            what the game processes printed
+        control/                requests to the run while it goes on, see :mod:`ludus.train.control`
         diverged/               a checkpoint for inspection, after a loss became NaN
 """
 
@@ -18,11 +19,15 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import time
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ludus.engine.locks import LockHeld, file_lock
 from ludus.errors import CheckpointError, RunError
 from ludus.train.checkpoint import CheckpointStore
 from ludus.train.config import TrainConfig
@@ -30,6 +35,8 @@ from ludus.train.disk import disk_errors, write_atomically
 from ludus.train.layers import lay_over, read_file, to_plain
 
 __all__ = ["RunFolder"]
+
+LOCK = ".lock"
 
 
 @dataclass(frozen=True)
@@ -97,6 +104,37 @@ class RunFolder:
         return self.path / "engine-logs"
 
     @property
+    def control(self) -> Path:
+        """Folder for requests to the run."""
+        return self.path / "control"
+
+    @contextmanager
+    def locked(self) -> Generator[None, None, None]:
+        """Keep every other process from training in this folder.
+
+        Raises:
+            RunError: Another process does so now.
+        """
+        try:
+            with file_lock(self.path / LOCK, 0.0):
+                yield
+        except LockHeld:
+            raise RunError(
+                f"the run {self.path} is being trained by another process",
+                f"ludus control {self.path} --stop ends that one",
+            ) from None
+
+    def is_running(self) -> bool:
+        """Return whether a process is training in this folder now."""
+        if not (self.path / LOCK).exists():
+            return False
+        try:
+            with file_lock(self.path / LOCK, 0.0):
+                return False
+        except LockHeld:
+            return True
+
+    @property
     def diverged(self) -> Path:
         """Where the state goes after a loss became NaN; a free name."""
         path, attempt = self.path / "diverged", 1
@@ -126,11 +164,9 @@ class RunFolder:
 
     def discard_if_unused(self) -> None:
         """Remove the folder if nothing has been written into it."""
-        if any(path.is_file() for path in self.path.rglob("*")):
+        if any(path.is_file() and path.name != LOCK for path in self.path.rglob("*")):
             return
-        for path in sorted(self.path.rglob("*"), reverse=True):
-            path.rmdir()
-        self.path.rmdir()
+        shutil.rmtree(self.path)
 
 
 def _slug(target: str) -> str:

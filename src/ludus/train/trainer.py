@@ -5,26 +5,38 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from torch import Tensor
 
 from ludus.errors import DivergenceError, EngineError
 from ludus.pool.interface import Pool
 from ludus.train.checkpoint import Checkpoint, write_checkpoint
-from ludus.train.collect import Collector
+from ludus.train.collect import Collector, CollectTimes
 from ludus.train.config import TrainConfig
+from ludus.train.control import SaveRequest, SetMode, StopRequest, read_request, take_requests
 from ludus.train.episodes import EpisodeTracker
 from ludus.train.layers import to_plain
+from ludus.train.league import League
 from ludus.train.learner import Learner
+from ludus.train.learners import policy_seed
 from ludus.train.metrics import MetricsLog
+from ludus.train.modes import ModeSchedule
+from ludus.train.policy import Policy
+from ludus.train.policy_config import Mode
 from ludus.train.progress import Progress, Reporter, StopReason
 from ludus.train.random_state import random_state, restore_random_state
 from ludus.train.run_folder import RunFolder
+from ludus.train.seat import Seat
 
 __all__ = ["Trainer"]
 
 log = logging.getLogger(__name__)
+
+STATUS_EVERY_S = 0.5
+"""Seconds of training between two reports to the games."""
 
 SPEED_MEMORY = 0.9
 """Weight of the past in the speed that progress shows."""
@@ -52,10 +64,21 @@ class Trainer:
         self._trackers = {
             name: EpisodeTracker(pool.num_agents(name), config.return_window) for name in learners
         }
-        self._collector = Collector(pool, learners, self._trackers)
+        policies = {name: learner.policy for name, learner in learners.items()}
+        self._league = make_league(config, pool, policies)
+        self._seats = {name: self._make_seat(learner) for name, learner in learners.items()}
+        self._collector = Collector(pool, self._seats, self._trackers, self._league)
+        self._schedule = ModeSchedule(config)
         self._store = folder.checkpoints(config.keep_checkpoints)
         self._steps_per_s = 0.0
         self._saved_at_s, self._saved_at_update = 0.0, 0
+        self._status_at_s = 0.0
+
+    def _make_seat(self, learner: Learner) -> Seat:
+        name = learner.policy.spec.name
+        slots = [learner.policy.spec.num_agents] * self._pool.num_engines
+        seed = policy_seed((self._config.seed or 0) + 1, name)
+        return Seat(learner, slots, seed, self._league)
 
     @property
     def agent_steps(self) -> int:
@@ -75,6 +98,10 @@ class Trainer:
         for name, learner in self._learners.items():
             learner.load_state(checkpoint.learners[name])
             self._trackers[name].load_state(checkpoint.run["episodes"][name])
+            self._seats[name].load_state(checkpoint.run["seats"][name])
+        if self._league is not None and "league" in checkpoint.run:
+            self._league.load_state(checkpoint.league, checkpoint.run["league"])
+        self._note_learning()
         self.updates = int(checkpoint.run["updates"])
         self.wall_s = float(checkpoint.run["wall_s"])
         self._saved_at_s, self._saved_at_update = self.wall_s, self.updates
@@ -86,31 +113,13 @@ class Trainer:
         The last state is saved on every way out but a hard one, and but divergence, which is
         saved elsewhere.
         """
+        if self.updates == 0:
+            self._begin_phase()
         self._save()
         metrics = MetricsLog(self._folder.path, self.agent_steps)
-        self._reset()
         try:
-            while (reason := self._reason_to_stop()) is None:
-                start, steps_before = time.perf_counter(), self.agent_steps
-                times = self._times()
-                is_complete = self._collector.collect(is_stopping)
-                update_start = time.perf_counter()
-                losses = self._update() if is_complete else {}
-                end = time.perf_counter()
-                self.wall_s += end - start
-                if not is_complete:
-                    reason = "interrupted"
-                    break
-                shares = self._shares(times, end - update_start, end - start)
-                speed = (self.agent_steps - steps_before) / (end - start)
-                values = self._run_metrics(speed, shares)
-                policies = {name: self._policy_metrics(name, losses) for name in self._learners}
-                metrics.write(values, policies)
-                reporter.updated(self._progress(speed, policies))
-                if self._is_time_to_save():
-                    self._save()
-                    if self._config.exact_resume:
-                        self._reset()
+            self._reset()
+            reason = self._loop(is_stopping, reporter, metrics)
         except DivergenceError as error:
             raise self._save_diverged(error) from None
         except EngineError:
@@ -119,6 +128,33 @@ class Trainer:
         finally:
             metrics.close()
         self._save()
+        return reason
+
+    def _loop(
+        self, is_stopping: Callable[[], bool], reporter: Reporter, metrics: MetricsLog
+    ) -> StopReason:
+        while (reason := self._reason_to_stop()) is None:
+            start, steps_before = time.perf_counter(), self.agent_steps
+            times = self._times()
+            is_complete = self._collector.collect(is_stopping)
+            update_start = time.perf_counter()
+            losses = self._update() if is_complete else {}
+            end = time.perf_counter()
+            self.wall_s += end - start
+            if not is_complete:
+                return "interrupted"
+            shares = self._shares(times, end - update_start, end - start)
+            speed = (self.agent_steps - steps_before) / (end - start)
+            policies = {name: self._policy_metrics(name, losses) for name in self._learners}
+            metrics.write(self._run_metrics(speed, shares), policies)
+            reporter.updated(self._progress(speed, policies))
+            if self._is_time_to_save():
+                self._save()
+                if self._config.exact_resume:
+                    self._reset()
+            if self._obey():
+                return "stopped"
+            self._show_status()
         return reason
 
     def _reset(self) -> None:
@@ -132,12 +168,64 @@ class Trainer:
     def _update(self) -> dict[str, dict[str, float]]:
         progress = min(1.0, self.agent_steps / self._config.total_steps)
         losses = {
-            name: learner.update(progress)
-            for name, learner in self._learners.items()
-            if learner.num_steps_left == 0
+            name: seat.learner.update(progress)
+            for name, seat in self._seats.items()
+            if seat.num_steps_left == 0
         }
         self.updates += 1
+        if self._schedule.is_change(self.updates):
+            self._begin_phase()
+        if self._league is not None:
+            self._league.advance(self.updates)
         return losses
+
+    # --- who learns -----------------------------------------------------------------------------
+
+    def _begin_phase(self) -> None:
+        for name, mode in self._schedule.at(self.updates).items():
+            self._set_mode(name, mode)
+        if self._league is not None and self.updates == 0:
+            self._league.advance(0)
+
+    def _set_mode(self, policy: str, mode: Mode) -> None:
+        if self._seats[policy].mode != mode:
+            log.info("policy %s: %s, after %d updates", policy, mode, self.updates)
+            self._seats[policy].set_mode(mode)
+        self._note_learning()
+
+    def _note_learning(self) -> None:
+        if self._league is not None:
+            learning = (name for name, seat in self._seats.items() if seat.mode == "train")
+            self._league.learning = frozenset(learning)
+
+    def _obey(self) -> bool:
+        """Do what game and control folder ask for; return whether that is to stop."""
+        wishes = [*self._pool.take_requests(), *take_requests(self._folder.control)]
+        is_stopping = False
+        for wish in wishes:
+            match read_request(wish, self._seats):
+                case SetMode(policy, mode):
+                    self._set_mode(policy, mode)
+                case SaveRequest():
+                    self._save()
+                case StopRequest():
+                    is_stopping = True
+                case None:
+                    pass
+        return is_stopping
+
+    def _show_status(self) -> None:
+        """Tell the games how it goes, once in a while."""
+        if self.wall_s - self._status_at_s < STATUS_EVERY_S:
+            return
+        self._status_at_s = self.wall_s
+        returns = self.mean_returns()
+        policies = {
+            name: {"mode": seat.mode, "mean_return": returns.get(name)}
+            for name, seat in self._seats.items()
+        }
+        status = {"agent_steps": self.agent_steps, "updates": self.updates, "policies": policies}
+        self._pool.show_status(status)
 
     def _reason_to_stop(self) -> StopReason | None:
         config = self._config
@@ -156,17 +244,17 @@ class Trainer:
 
     # --- measuring ------------------------------------------------------------------------------
 
-    def _times(self) -> tuple[float, float, float]:
-        times = self._collector.times
-        return times.wait_s, times.act_s, times.record_s
+    def _times(self) -> CollectTimes:
+        return replace(self._collector.times)
 
-    def _shares(
-        self, before: tuple[float, float, float], update_s: float, total_s: float
-    ) -> dict[str, float]:
-        names = ("wait_share", "act_share", "record_share")
-        spent = zip(names, self._times(), before, strict=True)
-        shares = {name: (now - then) / total_s for name, now, then in spent}
-        return shares | {"update_share": update_s / total_s}
+    def _shares(self, before: CollectTimes, update_s: float, total_s: float) -> dict[str, float]:
+        now = self._collector.times
+        return {
+            "wait_share": (now.wait_s - before.wait_s) / total_s,
+            "act_share": (now.act_s - before.act_s) / total_s,
+            "record_share": (now.record_s - before.record_s) / total_s,
+            "update_share": (update_s + now.learn_s - before.learn_s) / total_s,
+        }
 
     def _run_metrics(self, speed: float, shares: dict[str, float]) -> dict[str, float]:
         return {
@@ -181,9 +269,12 @@ class Trainer:
     def _policy_metrics(
         self, name: str, losses: Mapping[str, dict[str, float]]
     ) -> dict[str, float]:
-        tracker = self._trackers[name]
-        episodes = {"episodes": float(tracker.num_episodes)}
-        return tracker.summary() | episodes | losses.get(name, {})
+        tracker, seat = self._trackers[name], self._seats[name]
+        values = tracker.summary() | {"episodes": float(tracker.num_episodes)}
+        values["is_learning"] = float(seat.mode == "train")
+        if self._league is not None:
+            values["elo"] = self._league.ratings[name]
+        return values | losses.get(name, {})
 
     def _progress(self, speed: float, policies: Mapping[str, Mapping[str, float]]) -> Progress:
         memory = SPEED_MEMORY if self._steps_per_s else 0.0
@@ -226,8 +317,12 @@ class Trainer:
             "updates": self.updates,
             "wall_s": self.wall_s,
             "episodes": {name: tracker.state() for name, tracker in self._trackers.items()},
+            "seats": {name: seat.state() for name, seat in self._seats.items()},
             "random": random_state(),
         }
+        league: dict[str, Tensor] = {}
+        if self._league is not None:
+            league, run["league"] = self._league.state()
         policies = self._pool.policies
         return Checkpoint(
             agent_steps=self.agent_steps,
@@ -237,4 +332,13 @@ class Trainer:
             fingerprints={name: policy.fingerprint() for name, policy in policies.items()},
             config=to_plain(self._config),
             run=run,
+            league=league,
         )
+
+
+def make_league(config: TrainConfig, pool: Pool, policies: Mapping[str, Policy]) -> League | None:
+    """Return the league of a run, None without self-play."""
+    if config.league.share == 0:
+        return None
+    seed = policy_seed(config.seed or 0, "league")
+    return League(config.league, pool.policies, policies, pool.num_engines, seed)

@@ -1,0 +1,102 @@
+"""Perceptrons through oneDNN on the CPU, forwards and backwards.
+
+PyTorch multiplies float32 matrices with MKL, which on AMD leaves half of the machine unused: one
+thread of an EPYC with AVX-512 did 256x256x256 at 109 GFLOP/s with ``torch.mm`` and at 228 with the
+oneDNN that PyTorch brings along and uses for bfloat16 and for convolutions. oneDNN also adds the
+bias and applies the activation on the way. A whole perceptron is one node of autograd, as the
+bookkeeping per layer would cost as much as a small layer itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, cast
+
+import torch
+from torch import Tensor, nn
+
+__all__ = ["Network", "accelerate"]
+
+Network = Callable[[Tensor], Tensor]
+"""From ``float32[n, inputs]`` to ``float32[n, outputs]``."""
+
+MIN_WIDTH = 16
+"""Narrower matrices than this are left to ``torch``; starting oneDNN takes longer than MKL."""
+
+NAMES: dict[type[nn.Module], str] = {nn.ReLU: "relu", nn.Tanh: "tanh"}
+"""Activations that oneDNN can apply, and whose gradient follows from their value."""
+
+
+def accelerate(network: nn.Sequential) -> Network:
+    """Return ``network``, or the same function of the same parameters made faster.
+
+    That is so on the CPU in float32 for linear layers with ReLU or tanh between them, where
+    PyTorch was built with oneDNN.
+    """
+    linears, activations = list(network)[::2], list(network)[1::2]
+    is_known = all(isinstance(layer, nn.Linear) for layer in linears)
+    kinds = {type(layer) for layer in activations}
+    on_cpu = all(parameter.device.type == "cpu" for parameter in network.parameters())
+    if not (is_known and on_cpu and len(kinds) == 1 and kinds <= NAMES.keys() and has_onednn()):
+        return network
+    name = NAMES[kinds.pop()]
+    parameters = [p for layer in linears for p in (layer.weight, layer.bias)]
+    return lambda inputs: cast(Tensor, cast(Any, _Perceptron).apply(inputs, name, *parameters))
+
+
+def has_onednn() -> bool:
+    """Return whether PyTorch was built with oneDNN."""
+    is_there = torch.backends.mkldnn.is_available()
+    return is_there and hasattr(torch.ops.mkldnn, "_linear_pointwise")
+
+
+class _Perceptron(torch.autograd.Function):
+    """Linear layers with one kind of activation between them."""
+
+    @staticmethod
+    def forward(ctx: Any, inputs: Tensor, activation: str, *parameters: Tensor) -> Tensor:
+        weights, biases = parameters[::2], parameters[1::2]
+        layers = [inputs]
+        for weight, bias in zip(weights[:-1], biases[:-1], strict=True):
+            layers.append(_linear(layers[-1], weight, bias, activation))
+        ctx.activation, ctx.num_layers = activation, len(layers)
+        ctx.save_for_backward(*layers, *weights)
+        return _linear(layers[-1], weights[-1], biases[-1], "none")
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
+        (gradient,) = gradients
+        layers, weights = ctx.saved_tensors[: ctx.num_layers], ctx.saved_tensors[ctx.num_layers :]
+        is_learning: bool = ctx.needs_input_grad[2]
+        results: list[Tensor | None] = []
+        for index in range(ctx.num_layers - 1, -1, -1):
+            if is_learning:
+                of_weight = _linear(gradient.t(), layers[index].t(), None, "none")
+                results[:0] = [of_weight, gradient.sum(0)]
+            else:
+                results[:0] = [None, None]
+            if index or ctx.needs_input_grad[0]:
+                gradient = _linear(gradient, weights[index].t(), None, "none")
+            if index:
+                gradient = _through(gradient, layers[index], ctx.activation)
+        of_inputs = gradient if ctx.needs_input_grad[0] else None
+        return (of_inputs, None, *results)
+
+
+def _linear(inputs: Tensor, weight: Tensor, bias: Tensor | None, activation: str) -> Tensor:
+    """Return ``activation(inputs weight^T + bias)``."""
+    if min(*inputs.shape, *weight.shape) >= MIN_WIDTH:
+        product = cast(Any, torch.ops.mkldnn)._linear_pointwise
+        return product(inputs, weight, bias, activation, [], "")
+    outputs = nn.functional.linear(inputs, weight, bias)
+    if activation == "relu":
+        return outputs.relu_()
+    return outputs.tanh_() if activation == "tanh" else outputs
+
+
+def _through(gradient: Tensor, outputs: Tensor, activation: str) -> Tensor:
+    """Return the gradient before an activation, given that after it and its outputs."""
+    aten = cast(Any, torch.ops.aten)
+    if activation == "relu":
+        return aten.threshold_backward(gradient, outputs, 0)
+    return aten.tanh_backward(gradient, outputs)
