@@ -114,7 +114,7 @@ class Trainer:
         saved elsewhere.
         """
         if self.updates == 0:
-            self._begin_phase()
+            self._advance()
         self._save()
         metrics = MetricsLog(self._folder.path, self.agent_steps)
         try:
@@ -148,6 +148,7 @@ class Trainer:
             policies = {name: self._policy_metrics(name, losses) for name in self._learners}
             metrics.write(self._run_metrics(speed, shares), policies)
             reporter.updated(self._progress(speed, policies))
+            self._advance()
             if self._is_time_to_save():
                 self._save()
                 if self._config.exact_resume:
@@ -173,19 +174,17 @@ class Trainer:
             if seat.num_steps_left == 0
         }
         self.updates += 1
-        if self._schedule.is_change(self.updates):
-            self._begin_phase()
-        if self._league is not None:
-            self._league.advance(self.updates)
         return losses
 
     # --- who learns -----------------------------------------------------------------------------
 
-    def _begin_phase(self) -> None:
-        for name, mode in self._schedule.at(self.updates).items():
-            self._set_mode(name, mode)
-        if self._league is not None and self.updates == 0:
-            self._league.advance(0)
+    def _advance(self) -> None:
+        """Begin what is due after an update: a phase of the schedule, other opponents."""
+        if self._schedule.is_change(self.updates):
+            for name, mode in self._schedule.at(self.updates).items():
+                self._set_mode(name, mode)
+        if self._league is not None:
+            self._league.advance(self.updates)
 
     def _set_mode(self, policy: str, mode: Mode) -> None:
         if self._seats[policy].mode != mode:
@@ -290,6 +289,7 @@ class Trainer:
             steps_per_s=self._steps_per_s,
             policies=policies,
             restarts=self._pool.num_restarts,
+            modes={name: seat.mode for name, seat in self._seats.items()},
         )
 
     # --- saving ---------------------------------------------------------------------------------
