@@ -6,8 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from ludus.engine.debian_template import DebianTemplateRoute
 from ludus.engine.find import InstalledEngine, find_engine
+from ludus.engine.install_template import install_template
 from ludus.engine.kinds import EngineKind
+from ludus.engine.official_template import OfficialTemplateRoute
+from ludus.engine.template import ExportTemplate
 
 PROJECT_TEXT = """\
 ; Engine configuration file.
@@ -42,6 +46,13 @@ def godot4() -> InstalledEngine:
     return find_engine(EngineKind.GODOT4)
 
 
+@pytest.fixture(scope="session")
+def template(godot4: InstalledEngine) -> ExportTemplate:
+    """The real export template; a machine that cannot get one fails these tests."""
+    # Debian's first: the official archive has the templates of all platforms, ten times the size.
+    return install_template(godot4, routes=(DebianTemplateRoute(), OfficialTemplateRoute()))
+
+
 @pytest.fixture
 def bare_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A machine without any engine; returns the folder that is its PATH."""
@@ -49,6 +60,7 @@ def bare_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder.mkdir()
     monkeypatch.setenv("PATH", str(folder))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     for kind in EngineKind:
         monkeypatch.delenv(kind.traits.environment_variable, raising=False)
     return folder

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from ludus.engine import debian
+from ludus.engine import apt
 from ludus.engine.debian import DebianRoute
 from ludus.engine.kinds import EngineKind
 from ludus.engine.launcher import find_program, write_launcher
@@ -23,7 +23,7 @@ def tools(bare_machine: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     """A pretended apt-get and dpkg-deb, and a keyring."""
     keyring = tmp_path / "keyring.gpg"
     keyring.touch()
-    monkeypatch.setattr(debian, "_KEYRINGS", (str(keyring),))
+    monkeypatch.setattr(apt, "_KEYRINGS", (str(keyring),))
     write_tool(bare_machine / "apt-get", f"printf '{TARGETS}\\n'")
     write_tool(bare_machine / "dpkg-deb", "exit 0")
     return bare_machine
@@ -50,7 +50,7 @@ def test_without_apt_the_route_is_unavailable(bare_machine: Path, tmp_path: Path
 def test_without_keys_the_route_is_unavailable(
     tools: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(debian, "_KEYRINGS", (str(tmp_path / "none"),))
+    monkeypatch.setattr(apt, "_KEYRINGS", (str(tmp_path / "none"),))
     with pytest.raises(RouteUnavailable, match="signing keys"):
         unpack(tmp_path)
 
@@ -62,7 +62,7 @@ def test_without_a_debian_mirror_the_route_is_unavailable(tools: Path, tmp_path:
 
 
 def test_mirror_comes_from_the_machine(tools: Path, tmp_path: Path) -> None:
-    configuration = debian._make_apt_tree(tmp_path / "apt")  # pyright: ignore[reportPrivateUsage]
+    configuration = apt._make_apt_tree(tmp_path / "apt")  # pyright: ignore[reportPrivateUsage]
     sources = (configuration.parent / "sources.list").read_text()
     assert sources == (
         f"deb [signed-by={tmp_path / 'keyring.gpg'} target=Packages] http://a/debian sid main\n"
@@ -91,7 +91,7 @@ def test_broken_package_is_an_error(tools: Path, tmp_path: Path) -> None:
     write_tool(tools / "dpkg-deb", "echo short read; exit 2")
     (tmp_path / "a.deb").touch()
     with pytest.raises(SetupError, match=r"a\.deb could not be unpacked: short read"):
-        debian._unpack_all(  # pyright: ignore[reportPrivateUsage]
+        apt._unpack_all(  # pyright: ignore[reportPrivateUsage]
             [tmp_path / "a.deb"], tmp_path, lambda _what, _fraction: None
         )
 

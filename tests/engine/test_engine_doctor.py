@@ -11,7 +11,18 @@ from engine_fakes import fake_godot
 
 from ludus.engine.doctor import FindingStatus, doctor
 
-NAMES = ["python", "godot4", "godot3", "cache", "cores", "sockets", "screen", "torch", "cuda"]
+NAMES = [
+    "python",
+    "godot4",
+    "godot3",
+    "template",
+    "cache",
+    "cores",
+    "sockets",
+    "screen",
+    "torch",
+    "cuda",
+]
 
 
 def findings() -> dict[str, tuple[FindingStatus, str, str]]:

@@ -14,10 +14,14 @@ from pathlib import Path
 import pytest
 
 from ludus.engine.archive import unpack_zip
+from ludus.engine.find import InstalledEngine
 from ludus.engine.install import install_engine
+from ludus.engine.install_template import install_template
 from ludus.engine.kinds import EngineKind
 from ludus.engine.official import ASSETS, Asset, OfficialRoute
+from ludus.engine.official_template import TEMPLATES, OfficialTemplateRoute
 from ludus.engine.routes import RouteUnavailable
+from ludus.engine.template import matching_template
 from ludus.errors import SetupError
 
 PROGRAM = b"#!/bin/sh\necho 4.6.3.stable.official\n"
@@ -27,12 +31,13 @@ def ignore(_what: str, _fraction: float | None) -> None:
     """Take note of no progress."""
 
 
-def make_zip(name: str = "godot", mode: int = 0o755) -> bytes:
+def make_zip(*names: str, mode: int = 0o755) -> bytes:
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w") as archive:
-        entry = zipfile.ZipInfo(name)
-        entry.external_attr = mode << 16
-        archive.writestr(entry, PROGRAM)
+        for name in names or ("godot",):
+            entry = zipfile.ZipInfo(name)
+            entry.external_attr = mode << 16
+            archive.writestr(entry, PROGRAM)
     return data.getvalue()
 
 
@@ -46,7 +51,7 @@ class Server(http.server.ThreadingHTTPServer):
 class Handler(http.server.BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         assert isinstance(self.server, Server)
-        if not self.path.endswith("/tag/godot.zip"):
+        if not self.path.endswith(("/tag/godot.zip", "/4.6.3-stable/templates.tpz")):
             self.send_error(404)
             return
         self.send_response(200)
@@ -133,6 +138,52 @@ def test_links_in_archives_are_refused(tmp_path: Path) -> None:
         unpack_zip(tmp_path / "a.zip", tmp_path / "inside")
 
 
+TEMPLATE_NAMES = ("templates/version.txt", "templates/linux_release.x86_64", "templates/web.zip")
+ENGINE = InstalledEngine(EngineKind.GODOT4, Path("/godot"), (4, 6, 3), "4.6.3.stable.x", "PATH")
+
+
+def template_route_to(server: Server, body: bytes) -> OfficialTemplateRoute:
+    server.body = body
+    sha512 = hashlib.sha512(body).hexdigest()
+    asset = Asset("4.6.3-stable", "templates.tpz", "templates/linux_release.x86_64", sha512)
+    return OfficialTemplateRoute(base_url=f"http://127.0.0.1:{server.server_port}", asset=asset)
+
+
+def test_of_the_templates_only_the_one_for_linux_is_kept(
+    server: Server, bare_machine: Path
+) -> None:
+    route = template_route_to(server, make_zip(*TEMPLATE_NAMES, mode=0))
+    template = install_template(ENGINE, routes=[route])
+    assert (template.version_text, template.prefix) == ("4.6.3.stable.official", None)
+    folder = template.path.parent.parent
+    files = sorted(str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file())
+    assert files == ["template.json", "templates/linux_release.x86_64"]
+
+
+def test_damaged_templates_install_nothing(server: Server, bare_machine: Path) -> None:
+    body = make_zip(*TEMPLATE_NAMES)
+    route = template_route_to(server, body)
+    server.body = body.replace(b"echo", b"evil")
+    with pytest.raises(SetupError, match="SHA-512"):
+        install_template(ENGINE, routes=[route])
+    with pytest.raises(SetupError, match=r"has no templates/linux_release\.x86_64"):
+        install_template(ENGINE, routes=[template_route_to(server, make_zip("other"))])
+    assert matching_template(ENGINE) is None
+
+
+def test_templates_of_another_release_are_not_downloaded(tmp_path: Path) -> None:
+    with pytest.raises(RouteUnavailable, match=r"of 4\.6\.3-stable, not of 4\.5\.stable"):
+        OfficialTemplateRoute().unpack_template("4.5.stable", tmp_path, progress=ignore)
+
+
+def test_templates_for_unknown_platforms_are_a_reason_to_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("platform.machine", lambda: "vax")
+    with pytest.raises(RouteUnavailable, match="vax"):
+        OfficialTemplateRoute().unpack_template("4.6.3.stable", tmp_path, progress=ignore)
+
+
 def test_table_of_archives_is_well_formed() -> None:
     assets = [asset for entry in ASSETS.values() for asset in entry]
     assert {kind for kind, _ in ASSETS} == set(EngineKind)
@@ -141,3 +192,7 @@ def test_table_of_archives_is_well_formed() -> None:
     for asset in assets:
         assert len(bytes.fromhex(asset.sha512)) == 64
         assert asset.file_name.startswith(f"Godot_v{asset.tag}_")
+    for platform, asset in TEMPLATES.items():
+        assert len(bytes.fromhex(asset.sha512)) == 64
+        assert asset.file_name == f"Godot_v{asset.tag}_export_templates.tpz"
+        assert asset.executable.endswith(platform.removeprefix("linux-"))

@@ -5,9 +5,12 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
+
+if TYPE_CHECKING:
+    from ludus.engine import ExportTemplate, InstalledEngine
 
 __all__ = ["COMMAND", "run"]
 
@@ -21,11 +24,13 @@ class Install:
     Attributes:
         kind: Which engine.
         rendering: Also install what opening a window takes.
+        templates: Also install the template that exports games for Linux (Godot 4).
         force: Install again even if it is there.
     """
 
     kind: tyro.conf.Positional[KindName] = "godot4"
     rendering: bool = False
+    templates: bool = False
     force: bool = False
 
 
@@ -66,7 +71,7 @@ def run(command: Install | List | Doctor) -> int:
 
 
 def _install(command: Install) -> int:
-    from ludus.engine import EngineKind, install_engine
+    from ludus.engine import EngineKind, install_engine, install_template
 
     stages: list[str] = []
 
@@ -82,33 +87,38 @@ def _install(command: Install) -> int:
         progress=show,
     )
     sys.stdout.write(f"{engine.kind} {engine.version_text}: {engine.path}\n")
+    if command.templates:
+        template = install_template(engine, force=command.force, progress=show)
+        sys.stdout.write(f"export template {template.version_text}: {template.path}\n")
     return 0
 
 
 def _list(command: List) -> int:
-    from ludus.engine import EngineKind, search_engines
+    from ludus.engine import list_engines, matching_template
 
-    searches = [search_engines(kind) for kind in EngineKind]
-    engines = [engine for search in searches for engine in search.found]
+    rows = [(engine, matching_template(engine)) for engine in list_engines()]
     if command.json:
-        rows = [
-            {
-                "kind": str(engine.kind),
-                "version": engine.version_text,
-                "path": str(engine.path),
-                "source": engine.source,
-            }
-            for engine in engines
-        ]
-        sys.stdout.write(json.dumps(rows) + "\n")
+        sys.stdout.write(json.dumps([_to_json(*row) for row in rows]) + "\n")
         return 0
-    for engine in engines:
+    for engine, template in rows:
         sys.stdout.write(
             f"{engine.kind}  {engine.version_text}  {engine.path}  ({engine.source})\n"
         )
-    if not engines:
+        if template is not None:
+            sys.stdout.write(f"  export template  {template.path}  ({template.source})\n")
+    if not rows:
         sys.stderr.write("no engine found\nhint: ludus engine install godot4\n")
     return 0
+
+
+def _to_json(engine: InstalledEngine, template: ExportTemplate | None) -> dict[str, str | None]:
+    return {
+        "kind": str(engine.kind),
+        "version": engine.version_text,
+        "path": str(engine.path),
+        "source": engine.source,
+        "template": None if template is None else str(template.path),
+    }
 
 
 def _doctor(command: Doctor) -> int:

@@ -11,6 +11,7 @@ from ludus.engine.affinity import (
     plan_cores,
 )
 from ludus.engine.doctor import Finding, FindingStatus, doctor
+from ludus.engine.export_game import export_game
 from ludus.engine.find import (
     EngineSearch,
     InstalledEngine,
@@ -20,6 +21,7 @@ from ludus.engine.find import (
 )
 from ludus.engine.importing import ensure_imported, needs_import
 from ludus.engine.install import install_engine
+from ludus.engine.install_template import install_template
 from ludus.engine.kinds import EngineKind
 from ludus.engine.launch import (
     GodotFlags,
@@ -31,12 +33,14 @@ from ludus.engine.launch import (
 from ludus.engine.process import EngineProcess, terminate_all
 from ludus.engine.project import Project, find_project, read_project, scene_path
 from ludus.engine.target import Target, TargetKind, resolve_target
+from ludus.engine.template import ExportTemplate, find_template, matching_template
 
 __all__ = [
     "CorePlan",
     "EngineKind",
     "EngineProcess",
     "EngineSearch",
+    "ExportTemplate",
     "Finding",
     "FindingStatus",
     "GodotFlags",
@@ -49,11 +53,15 @@ __all__ = [
     "doctor",
     "ensure_imported",
     "executable_command",
+    "export_game",
     "find_engine",
     "find_project",
+    "find_template",
     "godot_command",
     "install_engine",
+    "install_template",
     "list_engines",
+    "matching_template",
     "needs_import",
     "pin_current_process",
     "pinned_to",

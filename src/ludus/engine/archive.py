@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import stat
 import zipfile
+from collections.abc import Container
 from pathlib import Path, PurePosixPath
 
 from ludus.errors import SetupError
@@ -12,8 +13,13 @@ from ludus.errors import SetupError
 __all__ = ["unpack_zip"]
 
 
-def unpack_zip(archive: Path, folder: Path) -> None:
+def unpack_zip(archive: Path, folder: Path, only: Container[str] | None = None) -> None:
     """Unpack ``archive`` into ``folder``, keeping the executable bits.
+
+    Args:
+        archive: A zip archive.
+        folder: Where its entries go.
+        only: Names of the entries to unpack; None unpacks all.
 
     Raises:
         SetupError: It is no zip archive, is damaged, or has an entry that leaves the folder.
@@ -22,7 +28,8 @@ def unpack_zip(archive: Path, folder: Path) -> None:
     try:
         with zipfile.ZipFile(archive) as opened:
             for entry in opened.infolist():
-                _unpack_entry(opened, entry, folder)
+                if only is None or entry.filename in only:
+                    _unpack_entry(opened, entry, folder)
     except (zipfile.BadZipFile, EOFError) as error:
         raise SetupError(f"{archive.name} is not a sound zip archive: {error}") from error
 

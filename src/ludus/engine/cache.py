@@ -5,6 +5,7 @@ Layout of the user cache::
     engines/<kind>/<name>/engine.json     an installed engine; the record is written last
     engines/<kind>/.incoming-*            an installation under way or broken off
     engines/<kind>/.install.lock
+    templates/<kind>/<name>/              an export template; see `template`
     bundled/<version>/                    a writable copy of the bundled project
 """
 

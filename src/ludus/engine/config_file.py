@@ -17,6 +17,7 @@ __all__ = [
     "add_to_string_array",
     "parse_config",
     "parse_string",
+    "quote_string",
 ]
 
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r"}
@@ -98,6 +99,12 @@ def parse_string(value: str) -> str | None:
     return None if match is None else _unescape(match[1])
 
 
+def quote_string(text: str) -> str:
+    """Encode a string the way it stands in the file, quotes included."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
+
+
 def add_to_string_array(text: str, key: str, value: str) -> str:
     """Return the text of a file with one more string in a ``PackedStringArray``.
 
@@ -113,7 +120,7 @@ def add_to_string_array(text: str, key: str, value: str) -> str:
     strings = parsed.strings(key)
     if value in strings:
         return text
-    array = f"PackedStringArray({', '.join(_quote(item) for item in [*strings, value])})"
+    array = f"PackedStringArray({', '.join(quote_string(item) for item in [*strings, value])})"
     entry = parsed.entries.get(key)
     if entry is not None:
         return text[: entry.start] + array + text[entry.end :]
@@ -133,7 +140,7 @@ def add_string(text: str, key: str, value: str) -> str:
     if key in parsed.entries:
         return text
     section, _, name = key.partition("/")
-    return _with_new_entry(parsed, section, f"{name}={_quote(value)}")
+    return _with_new_entry(parsed, section, f"{name}={quote_string(value)}")
 
 
 def _with_new_entry(parsed: ConfigFile, section: str, line: str) -> str:
@@ -145,11 +152,6 @@ def _with_new_entry(parsed: ConfigFile, section: str, line: str) -> str:
         return f"{body}{newline}{newline}[{section}]{newline}{newline}{line}{newline}"
     lead = text[:end].removesuffix("\r")
     return f"{lead}{newline}{line}{text[len(lead) :] or newline}"
-
-
-def _quote(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'
 
 
 def _unescape(text: str) -> str:

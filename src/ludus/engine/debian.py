@@ -1,38 +1,22 @@
 """Route 5: Debian's own packages, unpacked into a folder of the user.
 
-No root is needed and nothing on the system changes. The packages come from Debian's unstable
-suite, whose libraries are newer than those of a stable system; therefore the engine is started
-through the loader that lies beside it, by a small launcher script.
+No root is needed and nothing on the system changes. The libraries that come along are newer
+than those of a stable system; therefore the engine is started through the loader that lies
+beside it, by a small launcher script.
 """
 
 from __future__ import annotations
 
-import logging
-import os
-import shutil
-import subprocess
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import repeat
 from pathlib import Path
 
+from ludus.engine.apt import unpack_packages
 from ludus.engine.kinds import EngineKind
 from ludus.engine.launcher import find_program, write_launcher
-from ludus.engine.routes import Progress, RouteUnavailable, UnpackedEngine
-from ludus.errors import SetupError
+from ludus.engine.routes import Progress, UnpackedEngine
 
-__all__ = ["SUITE", "DebianRoute"]
+__all__ = ["DebianRoute"]
 
-SUITE = "sid"
-UPDATE_TIMEOUT_S = 180.0
-DOWNLOAD_TIMEOUT_S = 900.0
-UNPACK_TIMEOUT_S = 300.0
-
-_KEYRINGS = (
-    "/usr/share/keyrings/debian-archive-keyring.gpg",
-    "/usr/share/keyrings/debian-archive-keyring.pgp",
-)
 _PACKAGES = {EngineKind.GODOT4: ("godot",), EngineKind.GODOT3: ("godot3-server",)}
 _WINDOW_PACKAGES = {EngineKind.GODOT4: (), EngineKind.GODOT3: ("godot3",)}
 _RENDERING_PACKAGES = (
@@ -44,30 +28,6 @@ _RENDERING_PACKAGES = (
     "libvulkan1",
     "mesa-vulkan-drivers",
 )
-# The machine's own apt settings still apply (proxies, for example), but not its hooks, which
-# would change the system, and not its other sources.
-_APT_CONF = """\
-Dir::State "{tree}/state";
-Dir::State::status "{tree}/status";
-Dir::Cache "{tree}/cache";
-Dir::Cache::archives "archives/";
-Dir::Etc::sourcelist "{tree}/sources.list";
-Dir::Etc::sourceparts "/dev/null";
-Dir::Etc::preferences "/dev/null";
-Dir::Etc::preferencesparts "/dev/null";
-APT::Sandbox::User "";
-Acquire::Retries "2";
-Acquire::http::Timeout "15";
-Acquire::https::Timeout "15";
-#clear APT::Update::Pre-Invoke;
-#clear APT::Update::Post-Invoke;
-#clear APT::Update::Post-Invoke-Success;
-#clear DPkg::Pre-Invoke;
-#clear DPkg::Pre-Install-Pkgs;
-#clear DPkg::Post-Invoke;
-"""
-
-_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -80,113 +40,11 @@ class DebianRoute:
         self, kind: EngineKind, folder: Path, *, rendering: bool, progress: Progress
     ) -> UnpackedEngine:
         """Fetch and unpack the packages and write the launchers; see `Route`."""
-        _require_tools()
-        tree, prefix = folder / "apt", folder / "prefix"
-        prefix.mkdir()
-        configuration = _make_apt_tree(tree)
-        progress("read Debian's package list", None)
-        _run_apt(configuration, ["update"], UPDATE_TIMEOUT_S)
-        progress("download Debian packages", None)
-        _run_apt(configuration, _download_arguments(kind, rendering), DOWNLOAD_TIMEOUT_S)
-        _unpack_all(sorted((tree / "cache" / "archives").glob("*.deb")), prefix, progress)
-        shutil.rmtree(tree)
+        packages = _PACKAGES[kind]
+        if rendering:
+            packages += _WINDOW_PACKAGES[kind] + _RENDERING_PACKAGES
+        prefix = unpack_packages(packages, folder, progress)
         return _launchers(kind, folder, prefix, rendering)
-
-
-def _require_tools() -> None:
-    for tool in ("apt-get", "dpkg-deb"):
-        if shutil.which(tool) is None:
-            raise RouteUnavailable(f"this machine has no {tool}")
-
-
-def _download_arguments(kind: EngineKind, rendering: bool) -> list[str]:
-    packages = _PACKAGES[kind]
-    if rendering:
-        packages += _WINDOW_PACKAGES[kind] + _RENDERING_PACKAGES
-    return ["install", "--yes", "--download-only", "--no-install-recommends", *packages]
-
-
-def _make_apt_tree(tree: Path) -> Path:
-    """Write a private apt configuration that knows one suite and no installed package."""
-    for part in ("state/lists/partial", "cache/archives/partial"):
-        (tree / part).mkdir(parents=True)
-    (tree / "status").touch()
-    source = f"deb [signed-by={_keyring()} target=Packages] {_mirror()} {SUITE} main\n"
-    (tree / "sources.list").write_text(source, encoding="utf-8")
-    configuration = tree / "apt.conf"
-    configuration.write_text(_APT_CONF.format(tree=tree), encoding="utf-8")
-    return configuration
-
-
-def _keyring() -> str:
-    for name in _KEYRINGS:
-        if Path(name).is_file():
-            return name
-    raise RouteUnavailable(
-        "Debian's signing keys are not installed (package debian-archive-keyring)"
-    )
-
-
-def _mirror() -> str:
-    """Return the Debian mirror that this machine is configured to use."""
-    form = "$(CREATED_BY)|$(LABEL)|$(SITE)"
-    done = _run(["apt-get", "indextargets", "--format", form], UPDATE_TIMEOUT_S)
-    rows = [line.split("|", 2) for line in done.stdout.splitlines() if line.count("|") >= 2]
-    for created_by, label, site in rows:
-        is_main = label == "Debian" or (label in {"", "$(LABEL)"} and "security" not in site)
-        if created_by == "Packages" and is_main:
-            return site
-    raise RouteUnavailable("the apt configuration of this machine names no Debian mirror")
-
-
-def _run_apt(configuration: Path, arguments: Sequence[str], timeout_s: float) -> None:
-    done = _run(["apt-get", "-q", "-c", str(configuration), *arguments], timeout_s)
-    if done.returncode != 0:
-        raise _apt_error(arguments[0], done.stdout)
-    _log.debug("apt-get %s:\n%s", arguments[0], done.stdout)
-
-
-def _apt_error(verb: str, output: str) -> Exception:
-    lines = [line for line in output.splitlines() if line[:2] in {"E:", "W:"}][-6:]
-    text = f"apt-get {verb} failed:\n" + "\n".join(f"  {line}" for line in lines)
-    if "No space left" in output or "enough free space" in output:
-        return SetupError(text, hint="free about 1.5 GB on the disk of the user cache")
-    return RouteUnavailable(text)
-
-
-def _run(command: Sequence[str], timeout_s: float) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "LC_ALL": "C", "DEBIAN_FRONTEND": "noninteractive"}
-    try:
-        return subprocess.run(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-            env=environment,
-            timeout=timeout_s,
-            check=False,
-        )
-    except subprocess.TimeoutExpired as error:
-        raise RouteUnavailable(f"{command[0]} took more than {timeout_s:.0f} s") from error
-
-
-def _unpack_all(archives: Sequence[Path], prefix: Path, progress: Progress) -> None:
-    with ThreadPoolExecutor(max_workers=min(4, os.cpu_count() or 1)) as executor:
-        unpacked = executor.map(_unpack_one, archives, repeat(prefix))
-        for done, _ in enumerate(unpacked, start=1):
-            progress("unpack Debian packages", done / len(archives))
-
-
-def _unpack_one(archive: Path, prefix: Path) -> None:
-    done = _run(["dpkg-deb", "-x", str(archive), str(prefix)], UNPACK_TIMEOUT_S)
-    if done.returncode != 0:
-        raise SetupError(
-            f"{archive.name} could not be unpacked: {done.stdout.strip()}",
-            hint="free about 1.5 GB on the disk of the user cache, or try again",
-        )
-    archive.unlink()
 
 
 def _launchers(kind: EngineKind, folder: Path, prefix: Path, rendering: bool) -> UnpackedEngine:

@@ -17,7 +17,8 @@ from ludus.engine.affinity import allowed_cores
 from ludus.engine.cache import cache_root, cached_records
 from ludus.engine.find import search_engines
 from ludus.engine.kinds import EngineKind
-from ludus.engine.version import show_version
+from ludus.engine.template import cached_templates, matching_template
+from ludus.engine.version import release_name, show_version
 
 __all__ = ["Finding", "FindingStatus", "doctor"]
 
@@ -53,6 +54,7 @@ def doctor() -> list[Finding]:
         _python(),
         _engine(EngineKind.GODOT4, FindingStatus.FAIL),
         _engine(EngineKind.GODOT3, FindingStatus.WARN),
+        _template(),
         _cache(),
         _cores(),
         _local_sockets(),
@@ -74,6 +76,23 @@ def _engine(kind: EngineKind, if_missing: FindingStatus) -> Finding:
         return Finding(str(kind), if_missing, detail, hint=f"ludus engine install {kind}")
     rows = [f"{show_version(e.version)} {e.path} [{e.source}]" for e in search.found]
     return Finding(str(kind), FindingStatus.OK, "; ".join(rows))
+
+
+def _template() -> Finding:
+    if sys.platform != "linux":
+        return Finding("template", FindingStatus.OK, "none; games are exported for Linux only")
+    engine = next(iter(search_engines(EngineKind.GODOT4).found), None)
+    template = matching_template(engine) if engine else None
+    if template is not None:
+        detail = f"{template.version_text} {template.path} [{template.source}]"
+        return Finding("template", FindingStatus.OK, detail)
+    others = [
+        f"{other.version_text} [{other.source}]" for other in cached_templates(EngineKind.GODOT4)
+    ]
+    release = release_name(engine.version_text) if engine else "Godot 4"
+    detail = f"none to export games with {release}; there are: {', '.join(others) or 'none'}"
+    hint = "to export games: ludus engine install godot4 --templates"
+    return Finding("template", FindingStatus.WARN, detail, hint)
 
 
 def _cache() -> Finding:

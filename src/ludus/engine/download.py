@@ -19,7 +19,7 @@ CONNECT_TIMEOUT_S = 5.0
 READ_TIMEOUT_S = 30.0
 
 _CHUNK_BYTES = 1 << 20
-_MAX_BYTES = 1 << 30
+_MAX_BYTES = 1 << 31
 
 
 def download(url: str, into: Path, sha512: str, progress: Progress) -> None:
@@ -71,7 +71,7 @@ def _copy(
 ) -> str:
     total = int(response.headers.get("Content-Length") or 0)
     if total > _MAX_BYTES:
-        raise SetupError(f"{name} claims {total} bytes, more than any engine has")
+        raise SetupError(f"{name} claims {total} bytes, more than any release has")
     digest = hashlib.sha512()
     done = 0
     while chunk := response.read(_CHUNK_BYTES):
@@ -79,7 +79,7 @@ def _copy(
         digest.update(chunk)
         done += len(chunk)
         if done > _MAX_BYTES:
-            raise SetupError(f"{name} has more than {_MAX_BYTES} bytes, more than any engine")
+            raise SetupError(f"{name} has more than {_MAX_BYTES} bytes, more than any release")
         progress(f"download {name}", done / total if total else None)
     if done < total:
         raise http.client.IncompleteRead(b"", total - done)

@@ -1,30 +1,21 @@
-"""Install an engine in the user cache: all of it or nothing, and once."""
+"""Install an engine in the user cache."""
 
 from __future__ import annotations
 
-import errno
-import logging
-import shutil
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from ludus.engine.cache import CacheRecord, cached_records, require_cache_root
 from ludus.engine.debian import DebianRoute
 from ludus.engine.find import InstalledEngine
+from ludus.engine.incoming import installing_into, move_in, unpack_by_first_route
 from ludus.engine.kinds import EngineKind
-from ludus.engine.locks import file_lock
 from ludus.engine.official import OfficialRoute
-from ludus.engine.routes import Progress, Route, RouteUnavailable, UnpackedEngine
+from ludus.engine.routes import Progress, Route, UnpackedEngine, no_progress
 from ludus.engine.version import ask_version, show_version
 from ludus.errors import SetupError
 
 __all__ = ["install_engine"]
-
-LOCK_TIMEOUT_S = 1200.0
-
-_INCOMING = ".incoming-"
-_log = logging.getLogger(__name__)
 
 
 def install_engine(
@@ -32,14 +23,10 @@ def install_engine(
     *,
     rendering: bool = False,
     force: bool = False,
-    progress: Progress | None = None,
-    routes: Sequence[Route] | None = None,
+    progress: Progress = no_progress,
+    routes: Sequence[Route] = (OfficialRoute(), DebianRoute()),
 ) -> InstalledEngine:
     """Install an engine, or return the one that is installed already.
-
-    Everything is unpacked in a folder that nothing takes for an engine, tried out, and renamed
-    at the end. A lock lets only one process install one kind at a time; the others wait and
-    use what it installed.
 
     Args:
         kind: Which engine.
@@ -52,26 +39,10 @@ def install_engine(
     Raises:
         SetupError: No route works here, or one failed; nothing is left behind.
     """
-    progress = progress or _no_progress
-    routes = (OfficialRoute(), DebianRoute()) if routes is None else routes
     folder = require_cache_root() / "engines" / kind
-    try:
-        with file_lock(folder / ".install.lock", LOCK_TIMEOUT_S):
-            _remove_broken_off(folder)
-            present = None if force else _installed(kind, rendering=rendering)
-            return present or _install(kind, folder, routes, rendering, progress)
-    except OSError as error:
-        raise _disk_error(error, folder) from error
-
-
-def _no_progress(_what: str, _fraction: float | None) -> None:
-    pass
-
-
-def _remove_broken_off(folder: Path) -> None:
-    """Remove what installations left that were killed; the caller holds the lock."""
-    for leftover in folder.glob(f"{_INCOMING}*"):
-        shutil.rmtree(leftover, ignore_errors=True)
+    with installing_into(folder, kind.traits.label):
+        present = None if force else _installed(kind, rendering=rendering)
+        return present or _install(kind, folder, routes, rendering, progress)
 
 
 def _installed(kind: EngineKind, *, rendering: bool) -> InstalledEngine | None:
@@ -84,23 +55,23 @@ def _installed(kind: EngineKind, *, rendering: bool) -> InstalledEngine | None:
 def _install(
     kind: EngineKind, folder: Path, routes: Sequence[Route], rendering: bool, progress: Progress
 ) -> InstalledEngine:
-    refused: list[str] = []
-    for route in routes:
-        incoming = Path(tempfile.mkdtemp(prefix=_INCOMING, dir=folder))
-        try:
-            unpacked = route.unpack(kind, incoming, rendering=rendering, progress=progress)
-            record = _try_out(kind, incoming, route.name, unpacked)
-            return InstalledEngine.from_cache(kind, _move_in(incoming, folder, record), record)
-        except RouteUnavailable as reason:
-            _log.info("route %s: %s", route.name, reason)
-            refused.append(f"  {route.name}: {reason}")
-        finally:
-            shutil.rmtree(incoming, ignore_errors=True)
-    raise SetupError(
-        f"{kind.traits.label} could not be installed:\n" + "\n".join(refused),
+    def unpack(route: Route, incoming: Path) -> InstalledEngine:
+        unpacked = route.unpack(kind, incoming, rendering=rendering, progress=progress)
+        record = _try_out(kind, incoming, route.name, unpacked)
+        target = move_in(incoming, folder / _folder_name(record))
+        return InstalledEngine.from_cache(kind, target, record)
+
+    failure = SetupError(
+        f"{kind.traits.label} could not be installed",
         hint="connect to the network and try again, or install it yourself and set "
         f"{kind.traits.environment_variable} to the executable",
     )
+    return unpack_by_first_route(routes, folder, unpack, failure)
+
+
+def _folder_name(record: CacheRecord) -> str:
+    suffix = "-rendering" if record.has_rendering else ""
+    return f"{show_version(record.version)}-{record.route}{suffix}"
 
 
 def _try_out(
@@ -129,25 +100,3 @@ def _try_out(
     )
     record.write(incoming)
     return record
-
-
-def _move_in(incoming: Path, folder: Path, record: CacheRecord) -> Path:
-    suffix = "-rendering" if record.has_rendering else ""
-    target = folder / f"{show_version(record.version)}-{record.route}{suffix}"
-    if target.exists():
-        old = Path(tempfile.mkdtemp(prefix=_INCOMING, dir=folder))
-        target.rename(old / "replaced")
-        incoming.rename(target)
-        shutil.rmtree(old, ignore_errors=True)
-    else:
-        incoming.rename(target)
-    target.chmod(0o755)
-    return target
-
-
-def _disk_error(error: OSError, folder: Path) -> SetupError:
-    if error.errno in {errno.ENOSPC, errno.EDQUOT}:
-        hint = f"free about 1.5 GB on the disk of {folder}"
-    else:
-        hint = f"make sure that {folder} can be written"
-    return SetupError(f"the engine could not be installed: {error}", hint=hint)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ludus.errors import SetupError
 
-__all__ = ["find_program", "write_launcher"]
+__all__ = ["find_loader", "find_program", "library_folders", "write_launcher"]
 
 _LOADERS = ("usr/lib64/ld-linux-*.so.*", "usr/lib/ld-linux-*.so.*", "usr/lib/*/ld-linux-*.so.*")
 
@@ -37,22 +37,36 @@ def find_program(prefix: Path, names: Sequence[str]) -> Path:
     raise SetupError(f"the unpacked packages have no {' or '.join(names)}")
 
 
+def find_loader(prefix: Path) -> str:
+    """Return the path inside the prefix of what starts its programs.
+
+    Raises:
+        SetupError: The prefix has none.
+    """
+    loader = _first(prefix, _LOADERS)
+    if loader is None:
+        raise SetupError("the unpacked packages have no program loader (package libc6)")
+    return loader
+
+
+def library_folders(prefix: Path) -> tuple[str, ...]:
+    """Return the paths inside the prefix of the folders that hold its libraries."""
+    libraries = _first(prefix, ("usr/lib/*-linux-gnu*",)) or "usr/lib"
+    return libraries, f"{libraries}/pulseaudio"
+
+
 def write_launcher(launcher: Path, prefix: Path, program: Path) -> None:
     """Write an executable script that starts ``program``; all three keep their places.
 
     Raises:
         SetupError: The prefix has no loader.
     """
-    loader = _first(prefix, _LOADERS)
-    if loader is None:
-        raise SetupError("the unpacked packages have no program loader (package libc6)")
-    libraries = _first(prefix, ("usr/lib/*-linux-gnu*",)) or "usr/lib"
-    folders = [f"$prefix/{libraries}", f"$prefix/{libraries}/pulseaudio"]
+    folders = library_folders(prefix)
     script = _SCRIPT.format(
         prefix=shlex.quote(prefix.relative_to(launcher.parent).as_posix()),
-        environment=_environment(prefix, libraries),
-        loader=loader,
-        library_path=":".join(folders),
+        environment=_environment(prefix, folders[0]),
+        loader=find_loader(prefix),
+        library_path=":".join(f"$prefix/{folder}" for folder in folders),
         name=shlex.quote(program.name),
         program=program.relative_to(prefix).as_posix(),
     )

@@ -10,11 +10,13 @@ from pathlib import Path
 
 from ludus.engine.kinds import Version
 
-__all__ = ["VERSION_TIMEOUT_S", "ask_version", "parse_version", "show_version"]
+__all__ = ["VERSION_TIMEOUT_S", "ask_version", "parse_version", "release_name", "show_version"]
 
 VERSION_TIMEOUT_S = 20.0
 
 _VERSION_LINE = re.compile(r"^\s*(\d+(?:\.\d+)+)\.[a-z]\S*", re.MULTILINE)
+
+_RELEASE = re.compile(r"\d+(?:\.\d+)+\.[a-z]+\d*(?:\.mono)?")
 
 _log = logging.getLogger(__name__)
 
@@ -29,6 +31,12 @@ def parse_version(text: str) -> tuple[Version, str] | None:
     if match is None:
         return None
     return tuple(int(part) for part in match[1].split(".")), match[0].strip()
+
+
+def release_name(version_text: str) -> str:
+    """Shorten ``4.6.3.stable.official.abc`` to ``4.6.3.stable``, as export templates are named."""
+    match = _RELEASE.match(version_text)
+    return version_text if match is None else match[0]
 
 
 def show_version(version: Version) -> str:

@@ -1,0 +1,175 @@
+"""Export a Godot 4 project as a game for Linux.
+
+The work is done in a copy of the project, so that the project on disk, its own export presets
+included, stays as it is.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tempfile
+from pathlib import Path
+
+from ludus.engine.config_file import quote_string
+from ludus.engine.find import find_engine
+from ludus.engine.kinds import EngineKind
+from ludus.engine.launch import LaunchConfig
+from ludus.engine.official import platform_key
+from ludus.engine.output import mark_errors
+from ludus.engine.patching import bind_to_prefix
+from ludus.engine.process import EngineProcess
+from ludus.engine.project import Project, find_project
+from ludus.engine.template import ExportTemplate, find_template
+from ludus.errors import EngineStartError, EngineTimeout, SetupError, TargetError
+
+__all__ = ["export_game"]
+
+DEFAULT_TIMEOUT_S = 300.0
+
+_PRESET_NAME = "ludus"
+# All resources: whatever a game loads by a path that it puts together would be missing otherwise.
+_PRESET = """\
+[preset.0]
+
+name="{name}"
+platform="Linux"
+runnable=true
+export_filter="all_resources"
+include_filter={include}
+exclude_filter=""
+
+[preset.0.options]
+
+custom_template/release={template}
+binary_format/embed_pck=false
+binary_format/architecture="{architecture}"
+"""
+_NOT_COPIED = frozenset({".git", ".godot"})
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+# What Godot reports when it tears itself down says nothing about the game.
+_TEARDOWN = re.compile(r"at exit|were leaked")
+_NUM_KEPT_LINES = 10_000
+_NUM_SHOWN_LINES = 20
+
+
+def export_game(
+    project: Path | str,
+    output: Path | str,
+    *,
+    godot: Path | str | None = None,
+    include: tuple[str, ...] = ("*.json",),
+    timeout_s: float = DEFAULT_TIMEOUT_S,
+) -> Path:
+    """Export a project: an executable for this machine, and its data (``.pck``) beside it.
+
+    The game has all resources of the project, and runs its main scene. If the template came
+    from Debian's packages, the game runs on this machine only, with libraries from the user
+    cache.
+
+    Args:
+        project: Folder of ``project.godot``.
+        output: Executable to write, such as ``build/game.x86_64``; its folder is made.
+        godot: Engine to use instead of looking for one.
+        include: Patterns of files that are no resources and go along nevertheless.
+        timeout_s: How long Godot may take, its import of the project included.
+
+    Returns:
+        The absolute path of the executable.
+
+    Raises:
+        TargetError: There is no project, or it is not one for Godot 4.
+        EngineNotFound: There is no engine on this machine.
+        SetupError: There is no export template for the engine, or a folder cannot be written.
+        EngineStartError: Godot reported errors, or wrote no game; ``output`` is not touched.
+        EngineTimeout: Godot did not end within ``timeout_s`` seconds.
+    """
+    found = find_project(Path(project))
+    if found.engine_kind is not EngineKind.GODOT4:
+        raise TargetError(f"{found.root} is a project for {found.engine_kind.traits.label}")
+    engine = find_engine(found.engine_kind, godot)
+    template = find_template(engine)
+    output = Path(output).expanduser().absolute()
+    try:
+        with tempfile.TemporaryDirectory(prefix="ludus-export-") as temporary:
+            copy = _copy_project(found, Path(temporary), template, include)
+            built = copy.parent / "game" / output.name
+            built.parent.mkdir()
+            _run_godot(engine.path, copy, built, timeout_s)
+            if template.prefix is not None:
+                bind_to_prefix(built, template.prefix)
+            _move_out(built.parent, output.parent)
+    except OSError as error:
+        raise SetupError(f"{found.root} cannot be exported to {output}: {error}") from error
+    return output
+
+
+def _copy_project(
+    project: Project, folder: Path, template: ExportTemplate, include: tuple[str, ...]
+) -> Path:
+    copy = folder / "project"
+    shutil.copytree(project.root, copy, ignore=_not_copied, ignore_dangling_symlinks=True)
+    preset = _PRESET.format(
+        name=_PRESET_NAME,
+        include=quote_string(", ".join(include)),
+        template=quote_string(str(template.path)),
+        architecture=platform_key().removeprefix("linux-"),
+    )
+    (copy / "export_presets.cfg").write_text(preset, encoding="utf-8")
+    return copy
+
+
+def _not_copied(folder: str, names: list[str]) -> set[str]:
+    """Leave out caches, and links to folders that contain them."""
+    inside = Path(folder).resolve()
+    links = {name for name in names if Path(folder, name).is_symlink()}
+    leads_back = {name for name in links if inside.is_relative_to(Path(folder, name).resolve())}
+    return leads_back | (_NOT_COPIED & set(names))
+
+
+def _run_godot(godot: Path, project: Path, built: Path, timeout_s: float) -> None:
+    options = ("--headless", "--quiet", "--path", str(project))
+    command = (str(godot), *options, "--export-release", _PRESET_NAME, str(built))
+    config = LaunchConfig(command=command, num_last_lines=_NUM_KEPT_LINES)
+    with EngineProcess.start(config) as process:
+        code = process.wait(timeout_s)
+        report = process.describe_death()
+        lines = [_COLOUR.sub("", line) for line in process.last_lines() if line.strip()]
+    if code is None:
+        raise EngineTimeout(
+            f"the export did not end within {timeout_s:g} s: {report}",
+            hint="export the project in the editor once, and see what takes so long",
+        )
+    problems = _problems(code, lines, built)
+    if problems:
+        shown = "\n".join(f"  {line}" for line in problems[:_NUM_SHOWN_LINES])
+        raise EngineStartError(
+            f"Godot could not export the project (exit code {code}):\n{shown}",
+            hint="res:// is the project's folder; open what the errors name in the editor",
+        )
+
+
+def _problems(code: int, lines: list[str], built: Path) -> list[str]:
+    """Godot may say that all went well though it left out what it could not load."""
+    if code != 0:
+        return lines or ["it said nothing"]
+    missing = [part.name for part in (built, built.with_suffix(".pck")) if _is_empty(part)]
+    return _errors(lines) + [f"it wrote no {name}" for name in missing]
+
+
+def _errors(lines: list[str]) -> list[str]:
+    errors = [line[4:] for line in mark_errors(lines) if line.startswith("  !")]
+    return [line for line in errors if not _TEARDOWN.search(line)]
+
+
+def _is_empty(file: Path) -> bool:
+    return not file.is_file() or file.stat().st_size == 0
+
+
+def _move_out(built: Path, folder: Path) -> None:
+    """Move the game and all that Godot put beside it (libraries of extensions)."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for part in built.iterdir():
+        target = folder / part.name
+        target.unlink(missing_ok=True)
+        shutil.move(part, target)

@@ -1,0 +1,192 @@
+"""Games exported with the release template: they train, and they play without Python."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import shutil
+import subprocess
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+from numpy.typing import NDArray
+
+import ludus
+from ludus.cli import main
+from ludus.engine import (
+    ExportTemplate,
+    InstalledEngine,
+    export_game,
+    install_template,
+    resolve_target,
+)
+from ludus.engine.bundled import bundled_root
+from ludus.engine.debian_template import DebianTemplateRoute
+from ludus.engine.official_template import OfficialTemplateRoute
+from ludus.model import PolicyModel, write_model
+from ludus.model.policy_model import Distribution, Linear
+from ludus.session import LaunchOptions, open_session
+from ludus.spec import PolicySpec
+from ludus.wire.handshake import EngineConfig
+
+pytestmark = [pytest.mark.engine, pytest.mark.timeout(600)]
+
+NUM_STEPS = 300
+FULL_LENGTH = 250
+TIMEOUT_S = 60.0
+
+
+@pytest.fixture(scope="session")
+def template(godot4: InstalledEngine) -> ExportTemplate:
+    """The real template; a machine that cannot get one fails these tests."""
+    # Debian's first: the official archive has the templates of all platforms, ten times the size.
+    return install_template(godot4, routes=(DebianTemplateRoute(), OfficialTemplateRoute()))
+
+
+@pytest.fixture(scope="session")
+def cart() -> PolicySpec:
+    """What the agent of CartPole declares."""
+    session = open_session(resolve_target("cartpole"), EngineConfig(), LaunchOptions())
+    with contextlib.closing(session):
+        return session.policies["cart"]
+
+
+def linear_policy(spec: PolicySpec, push_right: list[float]) -> PolicyModel:
+    """Push right where the weighted sum of the observation is positive, left elsewhere."""
+    weight = np.array([[0.0] * 4, push_right], np.float32)
+    return PolicyModel(
+        policy="cart",
+        fingerprint=spec.fingerprint(),
+        observation=spec.observation,
+        action=spec.action,
+        has_action_mask=False,
+        normalisation=None,
+        images=(),
+        memory=None,
+        layers=(Linear(weight, np.zeros(2, np.float32), "none"),),
+        distribution=Distribution(np.zeros(0, np.float32)),
+    )
+
+
+POLICY = """[ext_resource type="Script" path="res://addons/ludus/ludus_policy.gd" id="policy"]
+[ext_resource type="JSON" path="res://balance.ludus.json" id="model"]
+
+[sub_resource type="Resource" id="balance"]
+script = ExtResource("policy")
+model = ExtResource("model")
+
+"""
+
+
+@pytest.fixture(scope="session")
+def project(cart: PolicySpec, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The bundled project; it starts with a CartPole that a policy of its own balances."""
+    folder = tmp_path_factory.mktemp("project") / "examples"
+    shutil.copytree(bundled_root(), folder, ignore=shutil.ignore_patterns(".godot", "tests"))
+    # Angle and angular velocity, both to the right of upright: the cart must follow.
+    write_model(folder / "balance.ludus.json", linear_policy(cart, [0.0, 0.0, 1.0, 1.0]))
+    scene = (folder / "examples/cartpole/cartpole.tscn").read_text()
+    scene = replace_once(scene, "[sub_resource", POLICY + "[sub_resource")
+    agent = '[node name="LudusAgent" type="Node" parent="."]\nscript = ExtResource("2")\n'
+    scene = replace_once(scene, agent, agent + 'policy = SubResource("balance")\n')
+    (folder / "balance.tscn").write_text(scene)
+    settings = (folder / "project.godot").read_text()
+    settings = replace_once(settings, "res://gallery/gallery.tscn", "res://balance.tscn")
+    (folder / "project.godot").write_text(settings)
+    return folder
+
+
+def replace_once(text: str, old: str, new: str) -> str:
+    assert old in text
+    return text.replace(old, new, 1)
+
+
+@pytest.fixture(scope="session")
+def game(project: Path, template: ExportTemplate, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The exported game; nothing of the project is left beside it."""
+    output = tmp_path_factory.mktemp("exported") / "game.x86_64"
+    return export_game(project, output)
+
+
+def record(target: str) -> NDArray[np.float32]:
+    """Play at random; return observations, rewards and ends, ``[steps, worlds, 7]``."""
+    envs: Any = ludus.make_vec(target, num_worlds=4)
+    rows: list[NDArray[np.float32]] = []
+    try:
+        envs.reset(seed=3)
+        envs.action_space.seed(5)
+        for _ in range(NUM_STEPS):
+            observation, *outcome, _ = envs.step(envs.action_space.sample())
+            rows.append(np.column_stack([observation, *outcome]).astype(np.float32))
+    finally:
+        envs.close()
+    return np.stack(rows)
+
+
+def test_exported_game_is_the_environment_that_the_project_is(game: Path) -> None:
+    exported, from_editor = record(str(game)), record("cartpole")
+    assert exported.shape == (NUM_STEPS, 4, 7)
+    assert exported[:, :, 5].sum() > 4  # episodes have ended
+    np.testing.assert_array_equal(exported, from_editor)
+
+
+def test_exported_game_can_be_measured(game: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = ["--worlds", "4", "--rounds", "1", "--seconds", "0.2", "--json"]
+    assert main(["bench", str(game), *options]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["num_worlds"] == 4
+    assert report["agent_steps_per_s"] > 0
+
+
+@dataclass(frozen=True)
+class Played:
+    """What a game that was started alone has told, and what it used."""
+
+    episodes: list[dict[str, Any]]
+    num_children: int
+    num_connections: int
+
+
+def play_alone(game: Path, home: Path, num_episodes: int, *options: str) -> Played:
+    """Start a game as a player would, outside of any project and environment."""
+    command = [str(game), "--headless", "--fixed-fps", "60", "--", "--ludus-report", *options]
+    with subprocess.Popen(
+        command, cwd=home, env={"HOME": str(home)}, stdout=subprocess.PIPE, text=True
+    ) as process:
+        watchdog = threading.Timer(TIMEOUT_S, process.kill)
+        watchdog.start()
+        try:
+            assert process.stdout is not None
+            reports = (line for line in process.stdout if line.startswith("ludus-episode "))
+            lines = list(itertools.islice(reports, num_episodes))
+            assert len(lines) == num_episodes, "the game ended, or took too long"
+            running = psutil.Process(process.pid)
+            children, connections = running.children(), running.net_connections("all")
+        finally:
+            watchdog.cancel()
+            process.kill()
+    episodes = [json.loads(line.removeprefix("ludus-episode ")) for line in lines]
+    return Played(episodes, len(children), len(connections))
+
+
+def test_exported_game_plays_its_policy_without_python(game: Path, tmp_path: Path) -> None:
+    played = play_alone(game, tmp_path, num_episodes=5)
+    report = {"policy": "cart", "return": FULL_LENGTH, "length": FULL_LENGTH}
+    assert played.episodes == [report] * 5
+    assert (played.num_children, played.num_connections) == (0, 0)
+
+
+def test_exported_game_plays_the_policy_of_the_command_line(
+    game: Path, cart: PolicySpec, tmp_path: Path
+) -> None:
+    # The wrong way round: whatever leans is pushed over.
+    write_model(tmp_path / "worst.ludus.json", linear_policy(cart, [0.0, 0.0, -1.0, -1.0]))
+    option = f"--ludus-policy=cart={tmp_path / 'worst.ludus.json'}"
+    episodes = play_alone(game, tmp_path, 5, option).episodes
+    assert all(0 < episode["length"] < FULL_LENGTH / 2 for episode in episodes)
