@@ -15,12 +15,13 @@ ENVIRONMENT_IDS = {
     "ludus/CartPole-v0": "cartpole",
     "ludus/Pendulum-v0": "pendulum",
     "ludus/BallChase-v0": "ball_chase",
+    "ludus/KeyDoor-v0": "key_door",
 }
-"""Gymnasium's id → bundled example."""
+"""Gymnasium's id → bundled example. ``tag`` has two policies, which Gymnasium knows nothing of."""
 
 
 def register_examples() -> None:
-    """Register every bundled example with Gymnasium."""
+    """Register the bundled examples with Gymnasium."""
     for environment_id, example in ENVIRONMENT_IDS.items():
         cast(Any, gymnasium).register(
             id=environment_id,

@@ -9,6 +9,7 @@
         events.out.tfevents…    the same for TensorBoard
         learning_curve.png
         evaluation.json
+        result.json             how training ended; absent while it goes on, and after a crash
         train.log
         engine-logs/            what the game processes printed
         control/                requests to the run while it goes on, see :mod:`ludus.train.control`
@@ -37,6 +38,8 @@ from ludus.train.layers import lay_over, read_file, to_plain
 __all__ = ["RunFolder"]
 
 LOCK = ".lock"
+LOCK_TIMEOUT_S = 1.0
+"""Longer than :meth:`RunFolder.is_running` holds the lock."""
 
 
 @dataclass(frozen=True)
@@ -108,15 +111,23 @@ class RunFolder:
         """Folder for requests to the run."""
         return self.path / "control"
 
+    @property
+    def result(self) -> Path:
+        """How training ended; absent while it goes on, and after a crash."""
+        return self.path / "result.json"
+
     @contextmanager
     def locked(self) -> Generator[None, None, None]:
         """Keep every other process from training in this folder.
+
+        Requests to whatever trained here before are void.
 
         Raises:
             RunError: Another process does so now.
         """
         try:
-            with file_lock(self.path / LOCK, 0.0):
+            with file_lock(self.path / LOCK, LOCK_TIMEOUT_S):
+                shutil.rmtree(self.control, ignore_errors=True)
                 yield
         except LockHeld:
             raise RunError(
@@ -162,11 +173,16 @@ class RunFolder:
         with disk_errors(str(path)):
             write_atomically(path, json.dumps(values, indent=2).encode() + b"\n")
 
-    def discard_if_unused(self) -> None:
-        """Remove the folder if nothing has been written into it."""
-        if any(path.is_file() and path.name != LOCK for path in self.path.rglob("*")):
-            return
-        shutil.rmtree(self.path)
+    def forget_result(self) -> None:
+        """Remove the result of what trained here before."""
+        with disk_errors(str(self.result)):
+            self.result.unlink(missing_ok=True)
+
+    def discard_if_unused(self, but: Path | None = None) -> None:
+        """Remove the folder if nothing has been written into it, ``but`` in that folder of it."""
+        files = (path for path in self.path.rglob("*") if path.is_file() and path.name != LOCK)
+        if all(but is not None and path.is_relative_to(but) for path in files):
+            shutil.rmtree(self.path, ignore_errors=True)
 
 
 def _slug(target: str) -> str:

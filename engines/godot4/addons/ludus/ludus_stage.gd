@@ -52,7 +52,9 @@ func build() -> bool:
 		if layout == LudusWorld.Layout.GRID:
 			_place(root, i, worlds[0].spacing)
 		_spaces[-1].add_child(root)
-	_show_first()
+	# Deferred: inside a tick Godot takes a new camera at the address of one that was just freed for
+	# that one, and does not make it current.
+	_show_first.call_deferred()
 	return true
 
 
