@@ -7,7 +7,8 @@
     │   ├── TargetError       the target does not exist or cannot be run
     │   ├── ConfigError       a setting is unknown, of the wrong type or out of range
     │   ├── SequenceError     a method was called before the one it depends on
-    │   └── ActionError       an action has the wrong shape, type or value
+    │   ├── ActionError       an action has the wrong shape, type or value
+    │   └── PolicyFileError   a policy file is missing, malformed or contradicts itself
     ├── SetupError            the machine lacks something (exit code 3)
     │   └── EngineNotFound    no usable game engine on this machine
     ├── EngineError           the engine broke a rule (exit code 4)
@@ -18,6 +19,7 @@
     │   └── GameError         the game reported a mistake of its own, or sent NaN
     └── RunError              a training run cannot go on (exit code 5)
         ├── CheckpointError   a checkpoint is missing, corrupt or of another spec
+        ├── ParityError       an exported policy computes something else than the trained one
         └── DivergenceError   a loss became NaN or infinite
 """
 
@@ -35,6 +37,8 @@ __all__ = [
     "EngineTimeout",
     "GameError",
     "LudusError",
+    "ParityError",
+    "PolicyFileError",
     "ProtocolError",
     "RunError",
     "SequenceError",
@@ -84,6 +88,10 @@ class SequenceError(UsageError):
 
 class ActionError(UsageError):
     """An action has the wrong shape, type or value."""
+
+
+class PolicyFileError(UsageError):
+    """A policy file is missing, malformed or contradicts itself (protocol/POLICY.md)."""
 
 
 class SetupError(LudusError):
@@ -139,6 +147,10 @@ class RunError(LudusError):
 
 class CheckpointError(RunError):
     """A checkpoint is missing, corrupt, or belongs to another spec."""
+
+
+class ParityError(RunError):
+    """An exported policy computes something else than the trained one."""
 
 
 class DivergenceError(RunError):

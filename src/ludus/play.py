@@ -13,22 +13,15 @@ from numpy.typing import NDArray
 
 from ludus.batch import ActionBatch, Batch, Batches
 from ludus.check.random_actions import RandomActions
-from ludus.engine import (
-    EngineProcess,
-    GodotFlags,
-    LaunchConfig,
-    Target,
-    ensure_imported,
-    executable_command,
-    godot_command,
-    resolve_target,
-)
-from ludus.errors import EngineCrashed, SetupError, TargetError
+from ludus.engine import EngineProcess, GodotFlags, LaunchConfig, resolve_target
+from ludus.errors import EngineCrashed, SetupError
+from ludus.play_command import play_command
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.session import LaunchOptions
 
 __all__ = [
     "Act",
+    "OnEpisode",
     "PlayConfig",
     "Player",
     "play_by_hand",
@@ -37,7 +30,6 @@ __all__ = [
     "require_screen",
 ]
 
-RUN_SCENE = "res://addons/ludus/run.tscn"
 POLL_S = 0.2
 SCRIPT_STEPS = 1000
 CLOSED_BY_HAND = 0
@@ -132,32 +124,12 @@ def play_by_hand(config: PlayConfig) -> None:
         EngineCrashed: The game failed.
     """
     target = resolve_target(config.target, scene=config.scene, godot=config.godot)
-    with EngineProcess.start(LaunchConfig(command=_by_hand_command(target))) as process:
+    command = play_command(target, GodotFlags(headless=False, fixed_fps=None))
+    with EngineProcess.start(LaunchConfig(command=command)) as process:
         while (exit_code := process.wait(POLL_S)) is None:
             pass
         if exit_code != 0:
             raise EngineCrashed(f"the game failed: {process.describe_death()}")
-
-
-def _by_hand_command(target: Target) -> tuple[str, ...]:
-    """Start the scene by the add-on, which works without its autoload, too."""
-    user_args = (f"--ludus-play={target.scene}", f"--ludus-parent={os.getpid()}")
-    flags = GodotFlags(headless=False, fixed_fps=None, user_args=user_args)
-    if target.executable is not None:
-        return executable_command(target.executable, GodotFlags(headless=False, fixed_fps=None))
-    engine = target.find_engine()
-    if engine is None or target.project is None:
-        raise TargetError(
-            f"{target.name} is a game that was started by hand",
-            hint="name a project, a scene or an exported game",
-        )
-    if not (target.project.root / "addons/ludus/run.tscn").is_file():
-        raise TargetError(
-            f"{target.project.root} has no Ludus add-on",
-            hint=f"run `ludus addon install {target.project.root}`",
-        )
-    ensure_imported(engine, target.project)
-    return godot_command(engine, target.project.root, RUN_SCENE, flags)
 
 
 def _play(pool: EnginePool, config: PlayConfig, player: Player, on_episode: OnEpisode) -> None:

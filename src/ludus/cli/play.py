@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 import tyro
 
 if TYPE_CHECKING:
-    from ludus.play import Act, PlayConfig, Player
+    from ludus.play import Act, OnEpisode, PlayConfig, Player
     from ludus.pool import EnginePool
 
 __all__ = ["COMMAND", "PlayCommand", "run"]
@@ -27,6 +28,8 @@ class PlayCommand:
     Attributes:
         what: Run folder or checkpoint of trained agents; or a game: a bundled example, a project
             folder, a scene, or an exported game.
+        in_engine: Let the game play the trained agents itself, without Python, as it will when it
+            is shipped.
         random: Take random actions.
         stochastic: Draw actions as in training, instead of taking the most probable ones.
         deterministic: Take the most probable actions; this is the default.
@@ -34,11 +37,12 @@ class PlayCommand:
             without a window ten.
         headless: Open no window, play as fast as possible and print the returns.
         scene: Scene of the project; none is the one that was trained, or the main scene.
-        seed: Seed of worlds and samples.
+        seed: Seed of worlds and samples; in the engine, worlds draw their own.
         godot: Engine to use; none is the one that ludus finds.
     """
 
     what: tyro.conf.Positional[str]
+    in_engine: bool = False
     random: bool = False
     stochastic: bool = False
     deterministic: bool = False
@@ -71,7 +75,11 @@ def run(command: PlayCommand) -> int:
     if run_folder is None and not command.random:
         play_by_hand(config)
         return 0
-    _play(config, command, run_folder)
+    if command.in_engine:
+        assert run_folder is not None
+        _play_in_engine(_as_trained(config, run_folder, command.scene), command, run_folder)
+    else:
+        _play(config, command, run_folder)
     return 0
 
 
@@ -82,6 +90,11 @@ def _check(command: PlayCommand) -> None:
         raise ConfigError("--stochastic and --deterministic exclude each other")
     if command.episodes is not None and command.episodes < 1:
         raise ConfigError(f"episodes must be at least 1, not {command.episodes}")
+    if command.in_engine and (command.random or _run_folder(command.what) is None):
+        raise ConfigError(
+            "--in-engine plays what was trained in a run",
+            hint="name a run folder, such as runs/cartpole-…, and leave --random out",
+        )
     if command.headless and not command.random and _run_folder(command.what) is None:
         raise ConfigError(
             "nobody can play by hand without a window",
@@ -99,9 +112,34 @@ def _run_folder(what: str) -> Path | None:
 
 
 def _play(config: PlayConfig, command: PlayCommand, run_folder: Path | None) -> None:
-    from rich.console import Console
-
     from ludus.play import play_episodes, random_player
+
+    player: Player = random_player
+    if run_folder is not None:
+        config = _as_trained(config, run_folder, command.scene)
+        if not command.random:
+            player = _trained_player(run_folder, is_stochastic=command.stochastic)
+    play_episodes(config, player, _printer())
+
+
+def _play_in_engine(config: PlayConfig, command: PlayCommand, run_folder: Path) -> None:
+    """Export the agents to a temporary folder, and let the game play them."""
+    import tempfile
+
+    from ludus.play_in_engine import play_in_engine
+    from ludus.train.export.exporting import write_policies
+
+    for name in ("ticks_per_step", "max_episode_steps"):
+        if (value := getattr(config, name)) is not None:
+            text = f"trained with {name} {value}; in the engine the agents' own holds"
+            sys.stderr.write(f"warning: {text}\n")
+    with tempfile.TemporaryDirectory(prefix="ludus-policies-") as folder:
+        files = write_policies(run_folder, Path(folder))
+        play_in_engine(config, files, _printer(), is_stochastic=command.stochastic)
+
+
+def _printer() -> OnEpisode:
+    from rich.console import Console
 
     console = Console()
 
@@ -111,12 +149,7 @@ def _play(config: PlayConfig, command: PlayCommand, run_folder: Path | None) -> 
             highlight=False,
         )
 
-    player: Player = random_player
-    if run_folder is not None:
-        config = _as_trained(config, run_folder, command.scene)
-        if not command.random:
-            player = _trained_player(run_folder, is_stochastic=command.stochastic)
-    play_episodes(config, player, show)
+    return show
 
 
 def _trained_player(run_folder: Path, *, is_stochastic: bool) -> Player:
@@ -124,6 +157,7 @@ def _trained_player(run_folder: Path, *, is_stochastic: bool) -> Player:
     import torch
 
     from ludus.train.learners import policy_seed
+    from ludus.train.policy import Player as PolicyPlayer
     from ludus.train.saved import load_policies
 
     def player(pool: EnginePool, seed: int) -> Act:
@@ -132,8 +166,12 @@ def _trained_player(run_folder: Path, *, is_stochastic: bool) -> Player:
             name: torch.Generator().manual_seed(policy_seed(seed, name)) if is_stochastic else None
             for name in policies
         }
+        players = {
+            name: PolicyPlayer(policy, pool.num_agents(name), draws[name])
+            for name, policy in policies.items()
+        }
         return lambda _, batches: {
-            name: policy.act(batches[name], draws[name]) for name, policy in policies.items()
+            name: player.act(batches[name]) for name, player in players.items()
         }
 
     return player

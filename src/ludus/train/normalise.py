@@ -47,7 +47,7 @@ class RunningNormaliser(nn.Module):
     def update(self, vectors: Tensor) -> None:
         """Take ``float32[n, size]`` into the statistics (Chan et al. 1979, parallel variance)."""
         num_new = len(vectors)
-        if num_new == 0:
+        if vectors.numel() == 0:
             return
         vectors = vectors.double()
         variance, mean = torch.var_mean(vectors, dim=0, correction=0)

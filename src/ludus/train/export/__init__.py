@@ -1,0 +1,1 @@
+"""Take trained policies out of a run, and prove that the files compute what was trained."""
