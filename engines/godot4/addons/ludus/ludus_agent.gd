@@ -26,6 +26,9 @@ const REQUIRED_METHODS: Array[StringName] = [
 	&"apply_action", &"get_observation", &"get_reward", &"is_done", &"reset"
 ]
 
+## Goes up whenever an agent comes, goes, or is to be played by something else.
+static var num_changes: int = 0
+
 ## Agents with one policy name share a network.
 @export var policy_name: String = "agent"
 ## The node that has the five methods; empty: the parent.
@@ -43,9 +46,21 @@ const REQUIRED_METHODS: Array[StringName] = [
 ## Whether the game has [code]get_action_mask()[/code], one byte per alternative, 1 = allowed.
 @export var has_action_mask: bool = false
 ## An agent that is not enabled takes no part.
-@export var enabled: bool = true
+@export var enabled: bool = true:
+	set(value):
+		enabled = value
+		num_changes += 1
 ## Training settings of the policy; null: the trainer's choice.
 @export var settings: LudusPolicySettings
+@export_group("Play")
+## The trained policy that plays the agent while no trainer is there.
+@export var policy: LudusPolicy:
+	set(value):
+		policy = value
+		num_changes += 1
+		update_configuration_warnings()
+## Whether the policy draws its actions, as in training, instead of taking the most probable ones.
+@export var is_sampling: bool = false
 
 ## The node that has the five methods.
 var target: Node
@@ -65,6 +80,7 @@ var _manual_steps: int = 0
 
 func _enter_tree() -> void:
 	add_to_group(GROUP_NAME)
+	num_changes += 1
 	var own_world := LudusWorld.find_above(self)
 	if own_world != null:
 		own_world.newcomers.append(self)
@@ -73,6 +89,7 @@ func _enter_tree() -> void:
 
 func _exit_tree() -> void:
 	LudusWorld.has_leavers = true
+	num_changes += 1
 
 
 ## Finds target and world. Returns what is wrong with the agent, or an empty text.
@@ -134,6 +151,9 @@ func _get_configuration_warnings() -> PackedStringArray:
 	for component: LudusActionComponent in action:
 		if component != null and not component.is_valid():
 			warnings.append("Action %s: low must be below high, n at least 1." % component.name)
+	var misfit := policy.misfit(self) if policy != null else ""
+	if not misfit.is_empty():
+		warnings.append("The policy does not fit: %s." % misfit)
 	var node := _find_target()
 	if node == null:
 		warnings.append("target_path leads nowhere.")

@@ -1,6 +1,6 @@
 class_name LudusArguments
 extends RefCounted
-## What the command line tells the add-on (PROTOCOL.md §10).
+## What the command line tells the add-on (PROTOCOL.md §10, POLICY.md §5).
 
 ## Addresses to connect to, in order.
 var connect_to: PackedStringArray = []
@@ -12,6 +12,12 @@ var token: String = ""
 var play_scene: String = ""
 ## Process that must stay alive; 0: none.
 var parent_pid: int = 0
+## Policy files that play while no trainer is there, by policy name.
+var policies: Dictionary[String, String] = {}
+## Whether those policies draw their actions.
+var is_sampling: bool = false
+## Whether every episode that ends is told on the standard output.
+var has_report: bool = false
 
 
 ## Reads the command line of this process.
@@ -30,6 +36,12 @@ static func read() -> LudusArguments:
 				arguments.token = FileAccess.get_file_as_string(value).strip_edges()
 			"--ludus-parent":
 				arguments.parent_pid = value.to_int()
+			"--ludus-policy":
+				arguments.policies[value] = argument.trim_prefix("--ludus-policy=%s=" % value)
+			"--ludus-sample":
+				arguments.is_sampling = true
+			"--ludus-report":
+				arguments.has_report = true
 	return arguments
 
 

@@ -41,6 +41,9 @@ const LISTEN_TIMEOUT_MS := 600000
 
 static var _instance: LudusBridge
 
+## Plays agents that have a [LudusPolicy] while no trainer is there.
+var player := LudusPolicyPlayer.new()
+
 var _phase: Phase = Phase.START
 var _arguments: LudusArguments
 var _link: LudusLink
@@ -61,7 +64,13 @@ var _bridge_us: int = 0
 var _wait_us: int = 0
 
 
+## Whether the autoload is there, which plays agents or has them trained.
+static func exists() -> bool:
+	return _instance != null
+
+
 func _init() -> void:
+	add_child(player)
 	_status.received.connect(training_status.emit)
 	_status.policy_mode_changed.connect(policy_mode_changed.emit)
 
@@ -110,6 +119,7 @@ func _physics_process(_delta: float) -> void:
 				_send(_ceiling.result_frame())
 				_serve()
 		Phase.MANUAL:
+			player.advance()
 			_manual.advance()
 		Phase.START:
 			_start()

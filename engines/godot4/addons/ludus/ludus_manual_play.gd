@@ -1,7 +1,8 @@
 class_name LudusManualPlay
 extends RefCounted
 ## Lets a person play while no trainer is there: agents whose target has
-## [code]get_manual_action()[/code] act on it, and begin anew when they are done.
+## [code]get_manual_action()[/code] act on it, and begin anew when they are done. Agents with a
+## policy are left to [LudusPolicyPlayer].
 
 var _tree: SceneTree
 var _tick: int = 0
@@ -17,7 +18,7 @@ func _init(tree: SceneTree) -> void:
 func advance() -> void:
 	for node: Node in _tree.get_nodes_in_group(LudusAgent.GROUP_NAME):
 		var agent := node as LudusAgent
-		if agent == null or not agent.enabled:
+		if agent == null or not agent.enabled or agent.policy != null:
 			continue
 		if agent.target == null:
 			_begin(agent)
@@ -43,7 +44,7 @@ func _play(agent: LudusAgent) -> void:
 		var is_cut := agent.max_episode_steps > 0 and agent.episode_steps > agent.max_episode_steps
 		if agent.target.is_done() or is_cut:
 			_restart(agent)
-	elif agent.action_timing == LudusAgent.ActionTiming.ONCE:
+	elif agent.action_timing == LudusAgent.ActionTiming.ONCE or not _actions.has(agent):
 		return
 	agent.target.apply_action(_actions[agent])
 

@@ -32,13 +32,18 @@ var _truncated: PackedByteArray = []
 var _final_parts: Array[PackedByteArray] = []
 
 
-## Takes the agents of all worlds in slot order, null for a spare slot, and the world of each slot.
+## Takes the agents of all worlds in slot order, null for a spare slot, and the world of each slot;
+## the rest is for [LudusPolicyLayout].
 func _init(
-	name: String, members: Array[LudusAgent], worlds: PackedInt32Array, max_steps_override: int
+	name: String,
+	members: Array[LudusAgent],
+	worlds: PackedInt32Array,
+	max_steps_override: int,
+	known_entries: Array[LudusObservationEntry] = []
 ) -> void:
 	policy_name = name
 	_slot_worlds = worlds
-	layout = LudusPolicyLayout.new(members[0], max_steps_override)
+	layout = LudusPolicyLayout.new(members[0], max_steps_override, known_entries)
 	error = layout.error
 	_lost = LudusLostTarget.new(layout.entries)
 	if layout.is_flat():
@@ -111,14 +116,36 @@ func action_bytes() -> int:
 	return layout.action_bytes(agents.size())
 
 
+## Adds a free slot and returns it.
+func add_slot() -> int:
+	var slot := agents.size()
+	agents.append(null)
+	_targets.append(_lost)
+	_steps.append(0)
+	active.append(0)
+	_slot_worlds.append(0)
+	return slot
+
+
+## Reward of a slot in the last step.
+func reward(slot: int) -> float:
+	return _rewards[slot]
+
+
 ## Reads the actions from a [code]STEP[/code] at [param offset] and hands them to the game.
 func apply_actions(payload: PackedByteArray, offset: int) -> void:
 	var num := agents.size()
 	var middle := offset + layout.discrete_bytes(num)
-	_discrete = payload.slice(offset, offset + num * layout.num_discrete * 8).to_int64_array()
-	_continuous = (
+	set_actions(
+		payload.slice(offset, offset + num * layout.num_discrete * 8).to_int64_array(),
 		payload.slice(middle, middle + num * layout.continuous_size * 4).to_float32_array()
 	)
+
+
+## Hands actions of all slots to the game.
+func set_actions(discrete: PackedInt64Array, continuous: PackedFloat32Array) -> void:
+	_discrete = discrete
+	_continuous = continuous
 	_apply()
 
 
@@ -166,17 +193,36 @@ func clear_outcomes() -> void:
 
 ## Appends this policy's part of a [code]BATCH[/code] (PROTOCOL.md §7), without final observations.
 func append_to(frame: PackedByteArray) -> void:
-	if _flat_size >= 0:
-		_append_flat(frame)
-	else:
-		_append_entries(frame)
+	append_observations(frame)
 	frame.append_array(_rewards.to_byte_array())
 	LudusWire.pad(frame)
 	for flags: PackedByteArray in [_terminated, _truncated, active]:
 		frame.append_array(flags)
 		LudusWire.pad(frame)
 	if layout.has_action_mask:
-		_append_masks(frame)
+		append_masks(frame)
+
+
+## Appends the entries of what all slots observe, one after the other, each padded.
+func append_observations(frame: PackedByteArray) -> void:
+	if _flat_size >= 0:
+		_append_flat(frame)
+	else:
+		_append_entries(frame)
+
+
+## Appends the action masks of all slots; inactive slots may do everything.
+func append_masks(frame: PackedByteArray) -> void:
+	var free := PackedByteArray()
+	free.resize(layout.mask_size)
+	free.fill(1)
+	for slot: int in _targets.size():
+		var mask: Variant = _targets[slot].get_action_mask() if active[slot] == 1 else free
+		if mask is not PackedByteArray or len(mask) != layout.mask_size:
+			_fail(slot, "get_action_mask()", "%d bytes" % layout.mask_size, mask)
+			mask = free
+		frame.append_array(mask)
+	LudusWire.pad(frame)
 
 
 ## Appends this policy's final observations (PROTOCOL.md §7).
@@ -262,19 +308,6 @@ func _append_entries(frame: PackedByteArray) -> void:
 			else:
 				frame.resize(frame.size() + num_bytes)
 		LudusWire.pad(frame)
-
-
-func _append_masks(frame: PackedByteArray) -> void:
-	var free := PackedByteArray()
-	free.resize(layout.mask_size)
-	free.fill(1)
-	for slot: int in _targets.size():
-		var mask: Variant = _targets[slot].get_action_mask() if active[slot] == 1 else free
-		if mask is not PackedByteArray or len(mask) != layout.mask_size:
-			_fail(slot, "get_action_mask()", "%d bytes" % layout.mask_size, mask)
-			mask = free
-		frame.append_array(mask)
-	LudusWire.pad(frame)
 
 
 ## Bytes of one entry of what the game returned; zeros after noting the error if it does not fit.

@@ -28,7 +28,10 @@ var _episode: String = "agent"
 
 
 ## Takes over the declarations of an agent. [param max_steps_override] of 0 leaves the limit to it.
-func _init(first: LudusAgent, max_steps_override: int) -> void:
+## An agent that declares no entries has [param known_entries], or those of its first observation.
+func _init(
+	first: LudusAgent, max_steps_override: int, known_entries: Array[LudusObservationEntry] = []
+) -> void:
 	components = first.action
 	has_action_mask = first.has_action_mask
 	has_truncation = first.target.has_method(&"is_truncated")
@@ -40,7 +43,9 @@ func _init(first: LudusAgent, max_steps_override: int) -> void:
 			mask_size += part.n
 		else:
 			continuous_size += part.size
-	entries = first.observation if not first.observation.is_empty() else _infer_entries(first)
+	entries = first.observation if not first.observation.is_empty() else known_entries
+	if entries.is_empty():
+		entries = _infer_entries(first)
 	if first.settings != null:
 		_settings = first.settings.to_json()
 	if first.world.episode_mode == LudusWorld.Episode.WORLD:

@@ -5,8 +5,8 @@ extends Resource
 ## Training settings of a policy, chosen in the scene.
 ##
 ## Every property left at its default here leaves the choice to the trainer. A configuration file
-## and the command line override what the scene says. Where a policy has several agents, the settings
-## of the first one count.
+## and the command line override what the scene says. Where a policy has several agents, the
+## settings of the first one count.
 
 ## How a policy is trained.
 enum Algorithm {
