@@ -157,7 +157,12 @@ def play_alone(game: Path, home: Path, num_episodes: int, *options: str) -> Play
     """Start a game as a player would, outside of any project and environment."""
     command = [str(game), "--headless", "--fixed-fps", "60", "--", "--ludus-report", *options]
     with subprocess.Popen(
-        command, cwd=home, env={"HOME": str(home)}, stdout=subprocess.PIPE, text=True
+        command,
+        cwd=home,
+        env={"HOME": str(home)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
     ) as process:
         watchdog = threading.Timer(TIMEOUT_S, process.kill)
         watchdog.start()

@@ -195,7 +195,8 @@ func _tell(group: LudusPolicyGroup, slot: int) -> void:
 	episode_ended.emit(policy_name, group.batch.agents[slot], episode_return, num_steps)
 	if _arguments.has_report:
 		var line := {"policy": policy_name, "return": episode_return, "length": num_steps}
-		print("ludus-episode ", JSON.stringify(line))
+		# Not print(): an exported game holds that back until there are 4 KiB of it.
+		printerr("ludus-episode ", JSON.stringify(line))
 
 
 ## The agents of a group whose game made a mistake are played no longer.
