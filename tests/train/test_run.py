@@ -26,7 +26,10 @@ from ludus.train.progress import Progress, SilentReporter
 from ludus.train.run_folder import RunFolder
 
 ROOT = Path(__file__).parents[2]
-ELSEWHERE = {"elo"}  # metrics that a run of PPO without self-play does not have
+SAC_METRICS = {
+    "q_loss", "mean_q", "temperature", "temperature_loss", "gradient_steps", "replay_size",
+}  # fmt: skip
+ELSEWHERE = {"elo"} | SAC_METRICS  # metrics that a run of PPO without self-play does not have
 
 
 def newest(run: Path) -> Checkpoint:

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 
 from ludus.train.policy_config import PolicyConfig
 
-__all__ = ["Adam", "learning_rate_at"]
+__all__ = ["Adam", "as_one_vector", "learning_rate_at"]
 
 BETA_1, BETA_2 = 0.9, 0.999
 
@@ -26,22 +26,21 @@ class Adam:
 
     The parameters must stay on the device they are on now; loading a state dictionary into their
     module is fine.
+
+    Attributes:
+        values: All parameters as one vector.
     """
 
     def __init__(self, parameters: Iterable[nn.Parameter], epsilon: float) -> None:
         self._epsilon = epsilon
         self._num_steps = 0
         parts = list(parameters)
-        self._values = torch.cat([part.detach().flatten() for part in parts])
-        self._gradients = torch.zeros_like(self._values)
-        self._mean = torch.zeros_like(self._values)
-        self._square = torch.zeros_like(self._values)
-        start = 0
-        for part in parts:
-            rows = slice(start, start + part.numel())
-            part.data = self._values[rows].view_as(part)
-            part.grad = self._gradients[rows].view_as(part)
-            start = rows.stop
+        self.values = as_one_vector(parts)
+        self._gradients = torch.zeros_like(self.values)
+        self._mean = torch.zeros_like(self.values)
+        self._square = torch.zeros_like(self.values)
+        for part, gradient in zip(parts, _views(self._gradients, parts), strict=True):
+            part.grad = gradient
 
     def zero_gradients(self) -> None:
         """Set all gradients to 0; ``backward`` adds to them."""
@@ -63,7 +62,7 @@ class Adam:
         unbias_1 = 1 - BETA_1**self._num_steps
         unbias_2 = math.sqrt(1 - BETA_2**self._num_steps)
         deviation = self._square.sqrt().div_(unbias_2).add_(self._epsilon)
-        self._values.addcdiv_(self._mean, deviation, value=-learning_rate / unbias_1)
+        self.values.addcdiv_(self._mean, deviation, value=-learning_rate / unbias_1)
 
     def state(self) -> dict[str, Tensor]:
         """Return the moments and the number of steps, not copied."""
@@ -80,7 +79,26 @@ class Adam:
         self._num_steps = int(state["num_steps"])
 
 
+def as_one_vector(parameters: Iterable[nn.Parameter]) -> Tensor:
+    """Make ``parameters`` views of one vector, and return it."""
+    parts = list(parameters)
+    values = torch.cat([part.detach().flatten() for part in parts])
+    for part, view in zip(parts, _views(values, parts), strict=True):
+        part.data = view
+    return values
+
+
 def learning_rate_at(progress: float, config: PolicyConfig) -> float:
     """Return the step size when a share ``progress``, 0 to 1, of the run is over."""
     is_linear = config.learning_rate_schedule == "linear"
     return config.learning_rate * (max(0.0, 1.0 - progress) if is_linear else 1.0)
+
+
+def _views(vector: Tensor, parts: list[nn.Parameter]) -> list[Tensor]:
+    """Cut ``vector`` into views shaped as ``parts``."""
+    views: list[Tensor] = []
+    start = 0
+    for part in parts:
+        views.append(vector[start : start + part.numel()].view_as(part))
+        start += part.numel()
+    return views

@@ -9,6 +9,7 @@ bookkeeping per layer would cost as much as a small layer itself.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -20,8 +21,11 @@ __all__ = ["Network", "accelerate"]
 Network = Callable[[Tensor], Tensor]
 """From ``float32[n, inputs]`` to ``float32[n, outputs]``."""
 
-MIN_WIDTH = 16
-"""Narrower matrices than this are left to ``torch``; starting oneDNN takes longer than MKL."""
+MIN_WEIGHTS = 128 * 128
+"""Networks whose largest layer has fewer weights than this gain nothing."""
+
+MIN_PRODUCT = 2**21
+"""Products of fewer multiplications than this are left to MKL, which starts faster than oneDNN."""
 
 NAMES: dict[type[nn.Module], str] = {nn.ReLU: "relu", nn.Tanh: "tanh"}
 """Activations that oneDNN can apply, and whose gradient follows from their value."""
@@ -30,24 +34,34 @@ NAMES: dict[type[nn.Module], str] = {nn.ReLU: "relu", nn.Tanh: "tanh"}
 def accelerate(network: nn.Sequential) -> Network:
     """Return ``network``, or the same function of the same parameters made faster.
 
-    That is so on the CPU in float32 for linear layers with ReLU or tanh between them, where
+    That is so on the CPU in float32 for large linear layers with ReLU or tanh between them, where
     PyTorch was built with oneDNN.
     """
     linears, activations = list(network)[::2], list(network)[1::2]
     is_known = all(isinstance(layer, nn.Linear) for layer in linears)
     kinds = {type(layer) for layer in activations}
     on_cpu = all(parameter.device.type == "cpu" for parameter in network.parameters())
-    if not (is_known and on_cpu and len(kinds) == 1 and kinds <= NAMES.keys() and has_onednn()):
+    is_large = max(parameter.numel() for parameter in network.parameters()) >= MIN_WEIGHTS
+    can_do = is_known and on_cpu and len(kinds) == 1 and kinds <= NAMES.keys() and has_onednn()
+    if not (can_do and is_large):
         return network
     name = NAMES[kinds.pop()]
     parameters = [p for layer in linears for p in (layer.weight, layer.bias)]
     return lambda inputs: cast(Tensor, cast(Any, _Perceptron).apply(inputs, name, *parameters))
 
 
+@functools.cache
 def has_onednn() -> bool:
-    """Return whether PyTorch was built with oneDNN."""
-    is_there = torch.backends.mkldnn.is_available()
-    return is_there and hasattr(torch.ops.mkldnn, "_linear_pointwise")
+    """Return whether PyTorch has oneDNN, and its inner function still does what it does today."""
+    if not torch.backends.mkldnn.is_available():
+        return False
+    inputs, weight, bias = torch.eye(2), torch.tensor([[1.0, -2.0], [3.0, 4.0]]), torch.ones(2)
+    try:
+        product = cast(Any, torch.ops.mkldnn)._linear_pointwise
+        outputs: Tensor = product(inputs, weight, bias, "relu", [], "")
+    except (AttributeError, RuntimeError, TypeError):
+        return False
+    return torch.equal(outputs, torch.tensor([[2.0, 4.0], [0.0, 5.0]]))
 
 
 class _Perceptron(torch.autograd.Function):
@@ -85,7 +99,7 @@ class _Perceptron(torch.autograd.Function):
 
 def _linear(inputs: Tensor, weight: Tensor, bias: Tensor | None, activation: str) -> Tensor:
     """Return ``activation(inputs weight^T + bias)``."""
-    if min(*inputs.shape, *weight.shape) >= MIN_WIDTH:
+    if inputs.numel() * len(weight) >= MIN_PRODUCT:
         product = cast(Any, torch.ops.mkldnn)._linear_pointwise
         return product(inputs, weight, bias, activation, [], "")
     outputs = nn.functional.linear(inputs, weight, bias)

@@ -39,19 +39,29 @@ POLICY_METRICS: dict[str, str] = {
     "episodes": "Episodes that ended so far.",
     "is_learning": "1 in mode train, 0 in frozen and deterministic.",
     "elo": "Rating of the policy as it is now; with self-play only.",
-    "policy_loss": "Clipped surrogate objective with the sign turned; PPO paper, equation 7.",
-    "value_loss": "Half the mean squared error of the value, in units of scaled rewards.",
+    "policy_loss": "PPO: clipped surrogate objective with the sign turned, equation 7. SAC: soft "
+    "value of the policy with the sign turned, equation 7 of its paper.",
+    "value_loss": "PPO: half the mean squared error of the value, in units of scaled rewards.",
     "entropy": "Mean entropy of the action distribution, nats.",
-    "approximate_kl": "Divergence of the policy from the one that collected, nats; estimator k3.",
-    "clip_fraction": "Share of transitions whose ratio left the clip range.",
-    "grad_norm": "Length of the gradient before it is shortened.",
-    "explained_variance": "1 - Var(target - value) / Var(target); 1 is a perfect critic.",
-    "num_epochs": "Passes over the rollout; fewer than epochs where target_kl stopped them.",
-    "num_transitions": "Transitions learnt from; those of inactive slots are left out.",
+    "approximate_kl": "PPO: divergence from the policy that collected, nats; estimator k3.",
+    "clip_fraction": "PPO: share of transitions whose ratio left the clip range.",
+    "grad_norm": "PPO: length of the gradient before it is shortened.",
+    "explained_variance": "PPO: 1 - Var(target - value) / Var(target); 1 is a perfect critic.",
+    "num_epochs": "PPO: passes over the rollout; fewer than epochs where target_kl stopped them.",
+    "num_transitions": "PPO: transitions learnt from; those of inactive slots are left out.",
     "learning_rate": "Step size of the optimiser in this update.",
-    "action_std": "Mean deviation of continuous actions, where the bounds are -1 and 1.",
+    "action_std": "PPO: mean deviation of continuous actions, where the bounds are -1 and 1.",
+    "q_loss": "SAC: half the mean squared error of both critics in sum, equation 5.",
+    "mean_q": "SAC: mean value of the actions in the replay, by the first critic.",
+    "temperature": "SAC: weight of the entropy, alpha.",
+    "temperature_loss": "SAC: log(alpha) times the entropy above target_entropy, equation 18.",
+    "gradient_steps": "SAC: gradient steps so far.",
+    "replay_size": "SAC: transitions in the replay.",
 }
-"""Metrics of a policy. Losses are means over the minibatches of the last epoch."""
+"""Metrics of a policy, those of one algorithm alone marked.
+
+Losses are means over the minibatches of the last epoch (PPO), or over the gradient steps since the
+last update (SAC)."""
 
 
 class MetricsLog:

@@ -131,7 +131,7 @@ class SACConfig:
         temperature: Weight of the entropy; none learns it.
         initial_temperature: Where a learned temperature begins.
         target_entropy: Entropy that a learned temperature aims at, nats; none is minus the number
-            of continuous elements, or half of the highest entropy of a discrete choice.
+            of continuous elements, or 0.7 of the highest entropy of a discrete choice.
         max_grad_norm: Gradients longer than this are shortened to it; none leaves them.
         normalise_observation: Whether observations are shifted and scaled by running statistics.
         reward_scale: Rewards are multiplied by this.

@@ -6,14 +6,17 @@ another transition: finding it again would cost every sample more than the memor
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
 from ludus.batch import Batch
+from ludus.errors import CheckpointError
 from ludus.spec import PolicySpec
 from ludus.train.tensors import as_tensor
 
@@ -57,7 +60,6 @@ class LastState:
         is_active: ``bool[n]``.
         discrete: ``int64[n, d]``.
         continuous: ``float32[n, c]`` in [-1, 1].
-        has_acted: Whether an action was chosen.
     """
 
     def __init__(self, spec: PolicySpec, num_slots: int) -> None:
@@ -70,7 +72,6 @@ class LastState:
         self.is_active = np.zeros(num_slots, np.bool_)
         self.discrete = np.zeros((num_slots, spec.num_discrete), np.int64)
         self.continuous = np.zeros((num_slots, spec.continuous_size), np.float32)
-        self.has_acted = False
 
     def write(self, batch: Batch) -> None:
         """Copy what the slots will act on."""
@@ -79,7 +80,6 @@ class LastState:
         self.is_active[...] = batch.active
         if batch.action_mask is not None:
             self.mask[...] = batch.action_mask
-        self.has_acted = False
 
 
 class Replay:
@@ -142,6 +142,17 @@ class Replay:
         self._write(fields, num_new)
         return num_new
 
+    def add_transitions(self, transitions: Sample) -> None:
+        """Store transitions that were collected elsewhere; tensors on the CPU."""
+        groups = {
+            "observation": transitions.observation,
+            "next_observation": transitions.next_observation,
+        }
+        tensors = {f"{kind}.{name}": groups[kind][name] for kind in groups for name in self._names}
+        for name in self._arrays.keys() - tensors.keys():
+            tensors[name] = getattr(transitions, name)
+        self._write({name: part.numpy() for name, part in tensors.items()}, len(transitions.reward))
+
     def sample(self, num: int, generator: torch.Generator, device: torch.device) -> Sample:
         """Draw ``num`` transitions uniformly, with replacement; copies on ``device``."""
         return self._gather(torch.randint(self.size, (num,), generator=generator), device)
@@ -164,7 +175,7 @@ class Replay:
             CheckpointError: It is that of another policy, or of another capacity.
         """
         names = self._arrays.keys() | {"position"}
-        if state.keys() != names or int(state["position"][2]) != self.capacity:
+        if set(state) != names or int(state["position"][2]) != self.capacity:
             raise CheckpointError(
                 f"the replay of the checkpoint does not fit: {self.capacity} transitions of "
                 f"{', '.join(sorted(self._arrays))} were expected",

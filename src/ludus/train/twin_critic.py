@@ -41,8 +41,8 @@ class TwinCritic(nn.Module):
         """Compute faster where that is possible; call it once parameters are where they stay."""
         self._networks = accelerate(self.first), accelerate(self.second)
 
-    def forward(self, inputs: Inputs, action: Tensor | None = None) -> Tensor:
-        """Return ``float32[2, n, num_outputs]``.
+    def forward(self, inputs: Inputs, action: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Return the values of both, ``float32[n, num_outputs]`` each.
 
         Args:
             inputs: ``n`` observations.
@@ -52,4 +52,4 @@ class TwinCritic(nn.Module):
         if action is not None:
             features = torch.cat([features, action], 1)
         first, second = self._networks
-        return torch.stack([first(features), second(features)])
+        return first(features).float(), second(features).float()
