@@ -70,6 +70,11 @@ def test_the_algorithm_of_all_policies_can_be_typed() -> None:
     assert [of.algorithm for of in config.policies.values()] == ["sac", "sac"]
 
 
+def test_none_is_written_as_in_files() -> None:
+    config = effective(["x", "--checkpoint-every-s", "none", "--ppo.target-kl", "none"], policy())
+    assert config.checkpoint_every_s is None
+
+
 def test_a_typed_default_wins_over_the_scene() -> None:
     hero = policy("hero", learning_rate=0.2)
     assert effective(["x"], hero).policies["hero"].learning_rate == 0.2

@@ -42,6 +42,7 @@ COMMAND = EvaluateCommand
 
 def run(command: EvaluateCommand) -> int:
     """Evaluate and print; return 0."""
+    import torch
     from rich.console import Console
 
     from ludus.cli.live import evaluation_table
@@ -60,6 +61,7 @@ def run(command: EvaluateCommand) -> int:
         num_worlds=command.num_worlds or config.num_worlds,
         num_engines=command.num_engines,
     )
+    torch.set_num_threads(config.torch_threads)
     pool = open_source(config)
     try:
         policies = load_policies(command.run, pool.policies)

@@ -18,13 +18,21 @@ from rich.text import Text
 
 from ludus.train.config import TrainConfig
 from ludus.train.evaluation import Evaluation
-from ludus.train.progress import Progress, RunResult
+from ludus.train.policy_config import Mode
+from ludus.train.progress import Progress, RunResult, StopReason
 
 __all__ = ["TerminalReporter", "evaluation_table", "reporter_for", "sparkline"]
 
 BARS = "▁▂▃▄▅▆▇█"
 CURVE_WIDTH = 24
 REFRESH_S, LINE_EVERY_S = 0.25, 2.0
+ENDINGS: dict[StopReason, str] = {
+    "total_steps": "ended at total_steps",
+    "max_time": "ended at max_time_s",
+    "target_return": "ended at target_return",
+    "stopped": "stopped on request",
+    "interrupted": "interrupted",
+}
 
 
 class TerminalReporter:
@@ -35,9 +43,11 @@ class TerminalReporter:
         self._live: Live | None = None
         self._shown_at_s = 0.0
         self._curves: dict[str, Curve] = {}
+        self._max_time_s: float | None = None
 
     def started(self, config: TrainConfig, run: Path) -> None:
         """Say what is trained, and where it goes."""
+        self._max_time_s = config.max_time_s
         self._console.print(f"training [bold]{config.target}[/] into {run}", highlight=False)
         if self._console.is_terminal:
             self._live = Live(console=self._console, auto_refresh=False, transient=True)
@@ -55,7 +65,8 @@ class TerminalReporter:
         if self._live:
             self._live.update(self._picture(progress), refresh=True)
         else:
-            self._console.print(progress_line(progress), highlight=False, soft_wrap=True)
+            line = progress_line(progress, self._share(progress))
+            self._console.print(line, highlight=False, soft_wrap=True)
 
     def evaluating(self, episodes: int) -> None:
         """Say that the evaluation begins."""
@@ -76,13 +87,20 @@ class TerminalReporter:
             self._live = None
 
     def _picture(self, progress: Progress) -> Group:
-        bar = ProgressBar(progress.total_steps, progress.agent_steps, width=CURVE_WIDTH)
+        share = self._share(progress)
         table = Table.grid(padding=(0, 2))
-        table.add_row(bar, progress_head(progress))
+        table.add_row(ProgressBar(1.0, share, width=CURVE_WIDTH), progress_head(progress, share))
         for name, metrics in progress.policies.items():
             curve = self._curves.get(name, Curve())
-            table.add_row(Text(sparkline(curve.points), style="cyan"), policy_text(name, metrics))
+            text = policy_text(name, metrics, progress.modes.get(name, "train"))
+            table.add_row(Text(sparkline(curve.points), style="cyan"), text)
         return Group(table)
+
+    def _share(self, progress: Progress) -> float:
+        """Return how much of the run is done, by the limit that it is nearer to."""
+        by_steps = progress.agent_steps / progress.total_steps
+        by_time = progress.wall_s / self._max_time_s if self._max_time_s else 0.0
+        return min(1.0, max(by_steps, by_time))
 
 
 class Curve:
@@ -119,9 +137,8 @@ def sparkline(values: Sequence[float], width: int = CURVE_WIDTH) -> str:
     return "".join(BARS[round((value - low) * scale)] for value in values)
 
 
-def progress_head(progress: Progress) -> str:
-    """Return steps, speed and time of the whole run."""
-    share = min(1.0, progress.agent_steps / progress.total_steps)
+def progress_head(progress: Progress, share: float) -> str:
+    """Return share done, steps, speed and time of the whole run."""
     text = (
         f"{share:4.0%}  {progress.agent_steps:,} steps  {progress.steps_per_s:,.0f} steps/s  "
         f"{clock(progress.wall_s)} gone, up to {clock(progress.time_left_s)} left"
@@ -129,28 +146,31 @@ def progress_head(progress: Progress) -> str:
     return text + (f"  {progress.restarts} restarts" if progress.restarts else "")
 
 
-def policy_text(name: str, metrics: Mapping[str, float]) -> str:
-    """Return the figures of one policy."""
+def policy_text(name: str, metrics: Mapping[str, float], mode: Mode) -> str:
+    """Return the figures of one policy, and its mode unless that is ``train``."""
+    heading = name if mode == "train" else f"{name} ({mode})"
     if "mean_return" not in metrics:
-        return f"{name}: no episode has ended yet"
-    return (
-        f"{name}: mean return {metrics['mean_return']:.4g} "
+        return f"{heading}: no episode has ended yet"
+    text = (
+        f"{heading}: mean return {metrics['mean_return']:.4g} "
         f"({metrics['min_return']:.4g} to {metrics['max_return']:.4g})"
     )
+    return text + (f", elo {metrics['elo']:.0f}" if "elo" in metrics else "")
 
 
-def progress_line(progress: Progress) -> str:
+def progress_line(progress: Progress, share: float) -> str:
     """Return everything in one line, for streams that are no terminal."""
-    policies = (policy_text(name, metrics) for name, metrics in progress.policies.items())
-    return "  ".join([progress_head(progress), *policies])
+    policies = (
+        policy_text(name, metrics, progress.modes.get(name, "train"))
+        for name, metrics in progress.policies.items()
+    )
+    return "  ".join([progress_head(progress, share), *policies])
 
 
 def summary_table(result: RunResult) -> Table:
     """Return a table of the evaluation, or of the last episodes if there was none."""
     steps = f"{result.agent_steps:,} agent steps in {clock(result.wall_s)}"
-    table = evaluation_table(
-        result.evaluation, f"{steps} (stopped at {result.stop_reason.replace('_', ' ')})"
-    )
+    table = evaluation_table(result.evaluation, f"{steps} ({ENDINGS[result.stop_reason]})")
     if not result.evaluation:
         for name, mean in result.mean_return.items():
             table.add_row(name, "training", f"{mean:.4g}", "", "", "", "")

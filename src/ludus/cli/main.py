@@ -32,6 +32,11 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "train": ("ludus.cli.train", "train agents in a game"),
     "evaluate": ("ludus.cli.evaluate", "play episodes with trained agents and report the returns"),
     "play": ("ludus.cli.play", "watch trained agents in a window"),
+    "runs": ("ludus.cli.runs", "list training runs and how they went"),
+    "control": ("ludus.cli.control", "switch modes of a running run, save or stop it"),
+    "league": ("ludus.cli.league", "let the agents of a run and their past selves play each other"),
+    "export": ("ludus.cli.export", "write trained agents as files for games and other runtimes"),
+    "serve": ("ludus.cli.serve", "train for a game that brings its own protocol"),
     "bench": ("ludus.cli.bench", "measure how fast a game steps, and where the time goes"),
     "check": ("ludus.cli.check", "check that a game behaves as an environment"),
     "engine": ("ludus.cli.engine", "install, list and examine game engines"),
@@ -41,7 +46,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
 
 EXTRAS = {"platformdirs": "engine", "tyro": "cli", "rich": "cli", "psutil": "cli",
           "torch": "train", "safetensors": "train", "tensorboard": "train",
-          "matplotlib": "train"}  # fmt: skip
+          "matplotlib": "train", "onnx": "export", "onnxruntime": "export"}  # fmt: skip
 """Which extra brings a package that may be missing."""
 
 EXIT_OTHER, EXIT_USAGE, EXIT_INTERRUPTED, EXIT_TERMINATED, EXIT_PIPE = 1, 2, 130, 143, 141

@@ -162,6 +162,7 @@ def _untyped_settings(
 def _parse(arguments: Sequence[str], base: TrainCommand, *, is_final: bool) -> TrainCommand:
     """Read ``arguments`` over ``base``; settings of single policies only if ``is_final``."""
     kept = list(arguments) if is_final else _without_policies(arguments)
+    kept = ["None" if argument == "none" else argument for argument in kept]  # as files write it
     return tyro.cli(TrainCommand, args=kept, default=base, prog=PROGRAM)
 
 

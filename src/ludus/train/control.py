@@ -24,8 +24,8 @@ from typing import Any, cast
 from ludus.train.disk import disk_errors, write_atomically
 from ludus.train.policy_config import Mode
 
-__all__ = ["SaveRequest", "SetMode", "StopRequest", "read_request", "send_request",
-           "take_requests"]  # fmt: skip
+__all__ = ["MODES", "Request", "SaveRequest", "SetMode", "StopRequest", "read_request",
+           "send_request", "take_requests"]  # fmt: skip
 
 MAX_BYTES = 4096
 MODES: tuple[Mode, ...] = typing.get_args(Mode)
@@ -84,8 +84,11 @@ def read_request(values: Mapping[str, Any], policies: Iterable[str]) -> Request 
     return None
 
 
-def send_request(folder: Path, request: Request) -> None:
+def send_request(folder: Path, request: Request) -> Path:
     """Leave a request for the run that looks into ``folder``.
+
+    Returns:
+        The file, which is gone once the run has taken the request.
 
     Raises:
         RunError: The file cannot be written.
@@ -93,7 +96,9 @@ def send_request(folder: Path, request: Request) -> None:
     with disk_errors(f"a request in {folder}"):
         folder.mkdir(exist_ok=True)
         data = json.dumps(request.to_json()).encode()
-        write_atomically(folder / f"{time.time_ns():020d}.json", data)
+        path = folder / f"{time.time_ns():020d}.json"
+        write_atomically(path, data)
+    return path
 
 
 def take_requests(folder: Path) -> list[Mapping[str, Any]]:

@@ -106,6 +106,9 @@ class League:
             return
         for world, returns in zip(ended.worlds, ended.returns, strict=True):
             self._rate(self._lineups[engine][world], returns)
+        # A player that paused may remember another game, if its agent died before the world ended.
+        for (name, _), player in self._players[engine].items():
+            player.forget(np.isin(self._sides.worlds[name], ended.worlds).nonzero()[0])
         self._draw(engine, ended.worlds)
 
     def advance(self, updates: int) -> None:
@@ -164,7 +167,7 @@ class League:
         weights = np.asarray(self._weights(name))
         count = min(self._config.max_opponents, len(pool))
         chosen = self._random.choice(len(pool), count, replace=False, p=weights / weights.sum())
-        return [pool[index].number for index in sorted(chosen.tolist())]
+        return [pool[int(index)].number for index in sorted(chosen)]
 
     def _weights(self, name: str) -> list[float]:
         pool = self.pools[name]

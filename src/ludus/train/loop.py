@@ -11,6 +11,7 @@ from pathlib import Path
 
 import torch
 
+from ludus.errors import DivergenceError, UsageError
 from ludus.pool.interface import Pool
 from ludus.spec import PolicySpec
 from ludus.train.checkpoint import check_spec
@@ -67,6 +68,9 @@ def train(
         with folder.locked(), _pool_for(config, pool, folder) as source, _log_file(folder):
             config = complete(configure(source.policies) if configure else config, source.policies)
             return _train_in(source, config, folder, resume is not None, reporter)
+    except UsageError:
+        folder.discard_if_unused(but=folder.engine_logs)  # what was asked for is wrong
+        raise
     finally:
         folder.discard_if_unused()
 
@@ -93,15 +97,22 @@ def _train_in(
         MetricsLog.forget_after(folder.metrics, checkpoint.agent_steps)
         log.info("resumed from %s", path)
     folder.write_config(config)
+    folder.forget_result()
     reporter.started(config, folder.path)
-    with Interrupts() as interrupts:
-        stop_reason = trainer.run(interrupts.is_stopping, reporter)
+    try:
+        with Interrupts() as interrupts:
+            stop_reason = trainer.run(interrupts.is_stopping, reporter)
+    except DivergenceError:
+        _write_result(trainer, folder, "diverged")
+        raise
+    _write_result(trainer, folder, stop_reason)
     title = f"{config.target or folder.path.name}"
     draw_learning_curve(folder.metrics, folder.learning_curve, title)
     evaluation: dict[str, Evaluation] = {}
     if stop_reason != "interrupted" and config.evaluation_episodes:
         reporter.evaluating(config.evaluation_episodes)
         evaluation = _evaluate(learners, pool, config, folder)
+        _write_result(trainer, folder, stop_reason, evaluation)
     return RunResult(
         run=folder.path,
         stop_reason=stop_reason,
@@ -112,6 +123,24 @@ def _train_in(
         mean_return=trainer.mean_returns(),
         evaluation=evaluation,
     )
+
+
+def _write_result(
+    trainer: Trainer,
+    folder: RunFolder,
+    stop_reason: str,
+    evaluation: Mapping[str, Evaluation] | None = None,
+) -> None:
+    """Leave what ``ludus runs`` tells; see :func:`ludus.train.run_list.list_runs`."""
+    values = {
+        "stop_reason": stop_reason,
+        "agent_steps": trainer.agent_steps,
+        "updates": trainer.updates,
+        "wall_s": trainer.wall_s,
+        "mean_return": trainer.mean_returns(),
+        "evaluation": {name: of.mean_return for name, of in (evaluation or {}).items()},
+    }
+    folder.write_json(folder.result.name, values)
 
 
 def _evaluate(

@@ -42,6 +42,12 @@ class Sides:
             ConfigError: There is only one side, or agents of a world end their episodes each by
                 itself.
         """
+        if len(policies) == 1 and max(of.agents_per_world for of in policies.values()) < 2:
+            raise ConfigError(
+                f"self-play needs two sides, and {next(iter(policies))} is the only agent of a "
+                "world",
+                "add a second agent or a second policy; without one, train with league.share 0",
+            )
         wrong = [name for name, spec in policies.items() if spec.episode != "world"]
         if wrong:
             raise ConfigError(
@@ -57,11 +63,6 @@ class Sides:
             side = {name: np.full(len(worlds[name]), i) for i, name in enumerate(policies)}
             return cls(tuple(policies), worlds, side, num_worlds)
         ((name, spec),) = policies.items()
-        if spec.agents_per_world < 2:
-            raise ConfigError(
-                f"self-play needs two sides, and {name} is the only agent of a world",
-                "add a second agent or a second policy, or set league.share to 0",
-            )
         agents = np.arange(spec.num_agents) % spec.agents_per_world
         return cls((name,) * spec.agents_per_world, worlds, {name: agents}, num_worlds)
 

@@ -129,9 +129,9 @@ class Player:
         keep = as_tensor(goes_on[chosen], self.policy.device).unsqueeze(1)
         return self._state[chosen] * keep
 
-    def forget(self) -> None:
-        """Forget everything, as all episodes begin anew."""
-        self._was_active[...] = False
+    def forget(self, rows: NDArray[np.int64] | None = None) -> None:
+        """Forget what the slots ``rows`` remember, or all, as their episodes begin anew."""
+        self._was_active[slice(None) if rows is None else rows] = False
 
 
 def _gaussian_shape(config: PolicyConfig) -> GaussianShape:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, Protocol
 
 from ludus.train.config import TrainConfig
 from ludus.train.evaluation import Evaluation
+from ludus.train.policy_config import Mode
 
 __all__ = ["Progress", "Reporter", "RunResult", "SilentReporter", "StopReason"]
 
@@ -28,6 +29,7 @@ class Progress:
         steps_per_s: Agent steps per second, lately.
         policies: Metrics of each policy.
         restarts: Engines restarted so far.
+        modes: Mode of each policy.
     """
 
     agent_steps: int
@@ -37,6 +39,7 @@ class Progress:
     steps_per_s: float
     policies: Mapping[str, Mapping[str, float]]
     restarts: int = 0
+    modes: Mapping[str, Mode] = field(default_factory=dict[str, Mode])
 
 
 @dataclass(frozen=True)

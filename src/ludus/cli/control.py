@@ -1,0 +1,156 @@
+"""``ludus control``: ask a running run for something."""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+import sys
+import time
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from ludus.errors import RunError, UsageError
+
+if TYPE_CHECKING:
+    from ludus.train.control import Request
+    from ludus.train.run_folder import RunFolder
+
+__all__ = ["COMMAND", "ControlCommand", "run"]
+
+RUNS = Path("runs")
+POLL_S = 0.05
+USAGE = "such as: ludus control runs/tag-… chaser=frozen --save"
+
+
+@dataclass(frozen=True)
+class ControlCommand:
+    """Switch the modes of policies in a running run, save a checkpoint, or stop it.
+
+    Modes are train, frozen (acts as in training but learns nothing) and deterministic (takes the
+    most probable actions and learns nothing). The trainer looks for requests after every update.
+
+    Attributes:
+        words: Run folder, then what policies are to do: chaser=frozen. The folder may be left out
+            when exactly one run in runs is running.
+        save: Write a checkpoint now.
+        stop: End training, with a checkpoint and the evaluation.
+        timeout: Seconds to wait until the trainer has taken the requests.
+    """
+
+    words: Annotated[
+        tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="[RUN] [POLICY=MODE ...]")
+    ] = ()
+    save: bool = False
+    stop: bool = False
+    timeout: float = 30.0
+
+
+COMMAND = ControlCommand
+
+
+def run(command: ControlCommand) -> int:
+    """Send the requests and wait until they are taken; return 0.
+
+    Raises:
+        UsageError: Nothing was asked for, or something that the run does not know.
+        CheckpointError: There is no such run.
+        RunError: It is not running, has ended meanwhile, or did not react.
+    """
+    from ludus.train.control import SaveRequest, StopRequest
+    from ludus.train.run_folder import RunFolder
+
+    folder, wishes = _split(command.words)
+    if not wishes and not command.save and not command.stop:
+        raise UsageError("nothing was asked for", f"name a mode, --save or --stop, {USAGE}")
+    found = _only_running() if folder is None else RunFolder.find(folder)
+    requests: list[Request] = [*read_wishes(wishes, found.read_config().policies)]
+    requests += [SaveRequest()] * command.save + [StopRequest()] * command.stop
+    if not found.is_running():
+        raise RunError(
+            f"the run {found.path} is not running",
+            f"ludus train --resume {found.path} goes on with it; ludus runs lists all",
+        )
+    _send(found, requests, command.timeout)
+    asked = ", ".join([*wishes, *["save"] * command.save, *["stop"] * command.stop])
+    sys.stdout.write(f"{found.path} has taken: {asked}\n")
+    return 0
+
+
+def read_wishes(wishes: Sequence[str], policies: Collection[str]) -> list[Request]:
+    """Return what ``policy=mode`` texts ask for.
+
+    Raises:
+        UsageError: A policy or mode is unknown, or a policy is named twice.
+    """
+    from ludus.train.control import MODES, SetMode
+
+    requests: list[Request] = []
+    named: set[str] = set()
+    for wish in wishes:
+        policy, equals, mode = wish.partition("=")
+        if not equals:
+            raise UsageError(f"{wish!r} is no request", f"write POLICY=MODE, {USAGE}")
+        if policy not in policies:
+            raise _unknown("policy", policy, policies, "policies of the run")
+        if mode not in MODES:
+            raise _unknown("mode", mode, MODES, "modes")
+        if policy in named:
+            raise UsageError(f"policy {policy} is named twice", "name one mode for each policy")
+        named.add(policy)
+        requests.append(SetMode(policy, mode))
+    return requests
+
+
+def _split(words: Sequence[str]) -> tuple[Path | None, Sequence[str]]:
+    """Return the run folder, None if none was named, and the rest."""
+    if not words or ("=" in words[0] and not Path(words[0]).is_dir()):
+        return None, words
+    return Path(words[0]), words[1:]
+
+
+def _only_running() -> RunFolder:
+    from ludus.train.run_list import running_runs
+
+    found = running_runs(RUNS)
+    if len(found) == 1:
+        return found[0]
+    if not found:
+        raise UsageError(f"no run in {RUNS} is running", f"name the run folder, {USAGE}")
+    names = ", ".join(str(run.path) for run in found)
+    raise UsageError(f"several runs are running: {names}", f"name one, {USAGE}")
+
+
+def _unknown(what: str, name: str, known: Collection[str], heading: str) -> UsageError:
+    close = difflib.get_close_matches(name, known, n=1)
+    hint = f"did you mean {close[0]}?" if close else f"{heading}: {', '.join(known)}"
+    return UsageError(f"there is no {what} {name!r}", hint)
+
+
+def _send(folder: RunFolder, requests: Sequence[Request], timeout_s: float) -> None:
+    """Leave the requests and wait until all are taken; withdraw them if the run ends first."""
+    from ludus.train.control import send_request
+
+    left = [send_request(folder.control, request) for request in requests]
+    deadline = time.monotonic() + timeout_s
+    while left := [path for path in left if path.exists()]:
+        if not folder.is_running():
+            if not (left := [path for path in left if path.exists()]):
+                return  # taken in the very end
+            for path in left:
+                with contextlib.suppress(OSError):
+                    path.unlink()
+            raise RunError(
+                f"the run {folder.path} ended before it took the request",
+                f"ludus train --resume {folder.path} goes on with it",
+            )
+        if time.monotonic() > deadline:
+            raise RunError(
+                f"the run {folder.path} did not react within {timeout_s:g} s",
+                "it still will after its present update, unless it is being evaluated; wait "
+                "longer with --timeout",
+            )
+        time.sleep(POLL_S)

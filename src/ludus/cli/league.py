@@ -1,0 +1,248 @@
+"""``ludus league``: who beats whom among the agents of a run and their past selves."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import tyro
+
+from ludus.errors import ConfigError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from ludus.train.checkpoint import Checkpoint
+    from ludus.train.config import TrainConfig
+    from ludus.train.entrants import Entrant, Entrants
+    from ludus.train.tournament import MatchTable
+
+__all__ = ["COMMAND", "LeagueCommand", "run"]
+
+CLEAR_WIN = 0.6
+"""Shares of points from here on are green, those of the opponent's as high are red."""
+
+
+@dataclass(frozen=True)
+class LeagueCommand:
+    """Let the agents of a run and their past selves play each other, and print who beats whom.
+
+    Past selves are those of self-play; a run without it has its older checkpoints. A cell is the
+    share of the games that the row's player won, draws counted as halves. Players are named by the
+    updates the run had made; "now" is the newest.
+
+    Attributes:
+        run: Run folder, whose newest checkpoint is taken, or one of its checkpoints.
+        episodes: Games of every two players.
+        max_players: Players of each policy; of more, some evenly spaced ones play.
+        recorded: Play nothing, and print the ratings that training noted.
+        deterministic: Take the most probable actions, instead of drawing them as in training.
+        seed: Seed of worlds and actions.
+        target: Play in this target; none is the one the run was trained in.
+        num_worlds: Worlds in each engine; none is as many as in training.
+        num_engines: Game processes side by side; none is as many as in training.
+        json: Print one JSON object on stdout.
+    """
+
+    run: tyro.conf.Positional[Path]
+    episodes: int = 20
+    max_players: int = 8
+    recorded: bool = False
+    deterministic: bool = False
+    seed: int = 0
+    target: str | None = None
+    num_worlds: int | None = None
+    num_engines: int | None = None
+    json: bool = False
+
+
+COMMAND = LeagueCommand
+
+
+def run(command: LeagueCommand) -> int:
+    """Play and print; return 0.
+
+    Raises:
+        ConfigError: The game has no two sides, or a setting is out of range.
+        CheckpointError: There is no such run, or it cannot be loaded.
+        TargetError: The game is gone.
+    """
+    from ludus.train.entrants import load_entrants, thin_out
+
+    if command.episodes < 1:
+        raise ConfigError(f"episodes must be at least 1, not {command.episodes}")
+    if command.max_players < 2:
+        raise ConfigError(f"max_players must be at least 2, not {command.max_players}")
+    path, checkpoint, entrants = load_entrants(command.run)
+    if command.recorded:
+        _show_recorded(command, entrants)
+        return 0
+    few = {name: thin_out(players, command.max_players) for name, players in entrants.items()}
+    tables = _play(command, path, checkpoint, few)
+    if command.json:
+        values = {"run": str(command.run), "tables": [table_to_plain(table) for table in tables]}
+        sys.stdout.write(json.dumps(values) + "\n")
+    else:
+        _print({match_title(table, command.episodes): match_table(table) for table in tables})
+        if not tables:
+            sys.stdout.write("there is only the newest policy yet, and nobody to play against\n")
+    return 0
+
+
+def _play(
+    command: LeagueCommand, path: Path, checkpoint: Checkpoint, entrants: Entrants
+) -> list[MatchTable]:
+    import torch
+    from rich.console import Console
+
+    from ludus.train.checkpoint import check_spec
+    from ludus.train.source import open_source
+    from ludus.train.tournament import TournamentConfig, play_tournament
+
+    config = _config(command)
+    torch.set_num_threads(config.torch_threads)
+    settings = TournamentConfig(command.episodes, command.deterministic, command.seed)
+    with Console(stderr=True).status("opening the game") as status:
+        pool = open_source(config)
+        try:
+            check_spec(checkpoint.fingerprints, pool.policies, path)
+            return play_tournament(
+                entrants,
+                pool,
+                settings,
+                lambda played, games: status.update(f"{played} of {games} games"),
+            )
+        finally:
+            pool.close()
+
+
+def _config(command: LeagueCommand) -> TrainConfig:
+    from ludus.train.run_folder import RunFolder
+
+    config = RunFolder.find(command.run).read_config()
+    return replace(
+        config,
+        target=command.target or config.target,
+        num_worlds=command.num_worlds or config.num_worlds,
+        num_engines=command.num_engines or config.num_engines,
+    )
+
+
+def _show_recorded(command: LeagueCommand, entrants: Entrants) -> None:
+    if all(player.rating is None for players in entrants.values() for player in players):
+        raise ConfigError(
+            f"{command.run} was trained without self-play and has no ratings",
+            "leave out --recorded to play now, or train with --league.share 0.5",
+        )
+    if command.json:
+        policies = {name: [_to_plain(one) for one in of] for name, of in entrants.items()}
+        sys.stdout.write(json.dumps({"run": str(command.run), "policies": policies}) + "\n")
+    else:
+        _print({"ratings from training": rating_table(entrants)})
+
+
+def _print(tables: Mapping[str, Table]) -> None:
+    """Print tables by title; one that is wider than the table stays in one line."""
+    from rich.console import Console
+
+    console = Console()
+    for title, table in tables.items():
+        console.print(title, style="italic", highlight=False, soft_wrap=True)
+        console.print(table)
+
+
+def match_title(table: MatchTable, episodes: int) -> str:
+    """Return what a table of games shows."""
+    first, second = table.rows[0].policy, table.columns[0].policy
+    return f"{first} (rows) against {second} (columns): percent won of {episodes} games"
+
+
+def match_table(table: MatchTable) -> Table:
+    """Return who beats whom, in percent, with ratings where training noted some."""
+    from rich import box
+    from rich.table import Table
+
+    shown = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    shown.add_column("updates", justify="right")
+    for column in table.columns:
+        shown.add_column(label(column), justify="right")
+    shown.add_column("all", justify="right", style="bold")
+    has_ratings = any(player.rating is not None for player in (*table.rows, *table.columns))
+    if has_ratings:
+        shown.add_column("elo", justify="right")
+    for row, shares in zip(table.rows, table.shares.tolist(), strict=True):
+        cells = [percent(share) for share in [*shares, mean(shares)]]
+        shown.add_row(label(row), *cells, *[_rating(row)] * has_ratings, style=_style(row))
+    shown.add_section()
+    columns = [mean(column) for column in table.shares.T.tolist()]
+    shown.add_row("all", *map(percent, columns), style="bold")
+    if has_ratings:
+        shown.add_row("elo", *map(_rating, table.columns))
+    return shown
+
+
+def rating_table(entrants: Entrants) -> Table:
+    """Return the ratings that training noted, one row for each player."""
+    from rich import box
+    from rich.table import Table
+
+    shown = Table(box=box.SIMPLE_HEAD)
+    for heading in ("policy", "updates", "elo"):
+        shown.add_column(heading, justify="left" if heading == "policy" else "right")
+    for name, players in entrants.items():
+        for player in players:
+            shown.add_row(name, label(player), _rating(player), style=_style(player))
+        shown.add_section()
+    return shown
+
+
+def table_to_plain(table: MatchTable) -> dict[str, Any]:
+    """Return a table as JSON values."""
+    return {
+        "rows": [_to_plain(player) for player in table.rows],
+        "columns": [_to_plain(player) for player in table.columns],
+        "wins": table.wins.tolist(),
+        "draws": table.draws.tolist(),
+        "losses": table.losses.tolist(),
+    }
+
+
+def label(player: Entrant) -> str:
+    """Return the name of a player: the updates it had seen, or that it is the newest."""
+    return "now" if player.is_newest else str(player.updates)
+
+
+def percent(share: float) -> str:
+    """Return a share of points in percent, coloured if it is clearly more or less than half."""
+    if math.isnan(share):
+        return "–"
+    style = "green" if share >= CLEAR_WIN else "red" if share <= 1.0 - CLEAR_WIN else "default"
+    return f"[{style}]{100 * share:.0f}[/]"
+
+
+def mean(shares: Sequence[float]) -> float:
+    """Return the mean of the shares that there are; NaN if there is none."""
+    known = [share for share in shares if not math.isnan(share)]
+    return sum(known) / len(known) if known else math.nan
+
+
+def _rating(player: Entrant) -> str:
+    return "" if player.rating is None else f"{player.rating:.0f}"
+
+
+def _style(player: Entrant) -> str:
+    return "bold" if player.is_newest else ""
+
+
+def _to_plain(player: Entrant) -> Mapping[str, Any]:
+    return {
+        "policy": player.policy,
+        "updates": player.updates,
+        "is_newest": player.is_newest,
+        "elo": player.rating,
+    }
