@@ -109,6 +109,22 @@ func test_agents_of_a_world_wait_for_each_other() -> void:
 	equal(_ended.size(), 2, "ends")
 
 
+func test_policies_of_a_world_are_told_each_its_own_return() -> void:
+	var agents := _in_one_world(_agents(_golden("perceptron_tanh"), 2), false)
+	agents[1].policy_name = "other"
+	agents[0].world.episode_mode = LudusWorld.Episode.WORLD
+	agents[0].reward = 1.0
+	agents[1].reward = -0.5
+	var player := _player()
+	_advance(player, 4)
+	agents[0].is_over = true
+	agents[1].is_over = true
+	_advance(player, 1)
+	equal(_ended.size(), 2, "ends")
+	equal(_ended[0], ["stub", agents[0].get_instance_id(), 2.0, 2], "the one")
+	equal(_ended[1], ["other", agents[1].get_instance_id(), -1.0, 2], "the other")
+
+
 func test_an_agent_begins_anew_by_itself() -> void:
 	var agents := _in_one_world(_agents(_golden("perceptron_tanh"), 2), false)
 	var player := _player()

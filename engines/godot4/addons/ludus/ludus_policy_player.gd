@@ -47,6 +47,10 @@ func advance() -> void:
 			group.collect()
 		else:
 			group.batch.repeat_actions()
+	# All are told before any begins anew, which agents of other groups may do together.
+	for group: LudusPolicyGroup in _groups:
+		if _is_due(group):
+			_tell_of_ends(group)
 	for group: LudusPolicyGroup in _groups:
 		if _is_due(group):
 			_end_episodes(group)
@@ -145,7 +149,6 @@ func _begin(group: LudusPolicyGroup, slot: int, settle_ticks: int) -> void:
 
 func _end_episodes(group: LudusPolicyGroup) -> void:
 	for slot: int in group.batch.final_slots:
-		_tell(group, slot)
 		var agent := group.batch.agents[slot]
 		var world := group.worlds[slot]
 		if not is_instance_valid(world):
@@ -186,6 +189,11 @@ func _count_agents(world: LudusWorld) -> int:
 			if agent != null and agent.world == world:
 				count += 1
 	return count
+
+
+func _tell_of_ends(group: LudusPolicyGroup) -> void:
+	for slot: int in group.batch.final_slots:
+		_tell(group, slot)
 
 
 func _tell(group: LudusPolicyGroup, slot: int) -> void:
