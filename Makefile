@@ -6,7 +6,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 GODOT_PROJECT := engines/godot4
-GDSCRIPT := $(GODOT_PROJECT)/addons $(GODOT_PROJECT)/examples $(GODOT_PROJECT)/gallery $(GODOT_PROJECT)/tests src/ludus/bench src/ludus/train/export benchmarks
+GDSCRIPT := $(GODOT_PROJECT)/addons $(GODOT_PROJECT)/examples $(GODOT_PROJECT)/gallery $(GODOT_PROJECT)/tests src/ludus/bench src/ludus/train/export benchmarks tests/serve
 
 # uv does not read pip's configuration; hand it the index that pip would use.
 PIP_INDEX = $(shell $(PYTHON) -m pip config get global.index-url 2>/dev/null || echo "$$PIP_INDEX_URL")

@@ -375,7 +375,7 @@ def measure_curves(options: Curves) -> None:
 def summary(task: str, side: str, runs: list[dict[str, Any]]) -> str:
     """Return one line of the table: mean ± deviation over seeds."""
     curves = [list(run["curve"].values()) for run in runs]
-    last, whole = [curve[-1] for curve in curves], [float(np.mean(curve)) for curve in curves]
+    last, whole = [curve[-1] for curve in curves], [float(np.mean(curve[1:])) for curve in curves]
     wall_s = statistics.median(run["wall_s"] for run in runs)
     return (
         f"| {task} | {side} | {np.mean(last):.1f} ± {np.std(last):.1f} "

@@ -1,0 +1,35 @@
+"""JSON as Godot writes it.
+
+``JSON.stringify`` never refuses a number: NaN becomes ``null`` or, before 4.5, ``nan``; infinity
+becomes ``1e99999`` or ``inf``. Control characters stand in texts as they are. All of it is read
+here, so that whoever looks at the numbers can say which of them is wrong.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+
+__all__ = ["parse_godot_json"]
+
+_TEXT_OR_NUMBER = re.compile(r'"(?:[^"\\]|\\.)*"|-?\b(?:nan|inf)\b', re.DOTALL)
+_NUMBERS = {"nan": "NaN", "-nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}
+
+
+def parse_godot_json(data: bytes) -> Any:
+    """Return a JSON value; raise ``ValueError`` if ``data`` is no UTF-8 or no JSON."""
+    text = data.decode("utf-8")
+    try:
+        return _parse(text)
+    except ValueError:
+        if "nan" not in text and "inf" not in text:
+            raise
+        return _parse(_TEXT_OR_NUMBER.sub(lambda found: _NUMBERS.get(found[0], found[0]), text))
+
+
+def _parse(text: str) -> Any:
+    try:
+        return json.loads(text, strict=False)
+    except RecursionError as error:
+        raise ValueError("nested too deeply") from error

@@ -1,0 +1,277 @@
+"""A server of one dialect: sockets, a thread for each client, deadlines.
+
+Messages are answered one at a time in one thread, whoever they come from: a dialect needs no locks,
+and PyTorch keeps to the number of threads that was set, which it remembers per thread. A client
+that breaks the rules is told so and dropped; the others notice nothing.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import queue
+import socket
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from ludus.errors import EngineTimeout, LudusError, ProtocolError, SetupError
+from ludus.serve.json_stream import JsonStream
+
+__all__ = ["Dialect", "Server", "ServerConfig"]
+
+POLL_S = 0.1
+READ_BYTES = 1 << 16
+LINGER_S = 1.0
+"""How long a client that is dropped may go on sending."""
+
+log = logging.getLogger(__name__)
+
+
+class Dialect(Protocol):
+    """What messages mean."""
+
+    def answer(self, message: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return the answer to one message; never raises."""
+        ...
+
+    def close(self) -> None:
+        """Save what has to be saved; called once, when no message comes any more."""
+        ...
+
+
+@dataclass(frozen=True)
+class ServerConfig:
+    """Where to listen, and how long to wait.
+
+    Attributes:
+        port: TCP port on the loopback address; 0 takes a free one.
+        message_timeout_s: How long a client may take to send the rest of a message, or to take an
+            answer. Between messages it may be silent for ever.
+        max_clients: More than so many at once are turned away.
+    """
+
+    port: int
+    message_timeout_s: float = 10.0
+    max_clients: int = 32
+
+
+class Server:
+    """Listens from the start; serves in :meth:`run`.
+
+    Attributes:
+        port: Where it listens.
+
+    Raises:
+        SetupError: The port is taken, or may not be used.
+    """
+
+    def __init__(self, config: ServerConfig) -> None:
+        self._config = config
+        self._socket = _listen(config.port)
+        self.port = int(self._socket.getsockname()[1])
+        self._requests: queue.SimpleQueue[_Request] = queue.SimpleQueue()
+        self._is_stopping = threading.Event()
+
+    def run(self, dialect: Dialect, is_stopping: Callable[[], bool]) -> None:
+        """Serve until ``is_stopping``; then end all connections, and close the dialect.
+
+        All messages are answered in the thread that calls this.
+        """
+        acceptor = threading.Thread(target=self._accept_all, name="acceptor", daemon=True)
+        acceptor.start()
+        try:
+            while not is_stopping():
+                try:
+                    request = self._requests.get(timeout=POLL_S)
+                except queue.Empty:
+                    continue
+                request.answer(dialect)
+        finally:
+            self._is_stopping.set()
+            acceptor.join(self._config.message_timeout_s)
+            dialect.close()
+
+    def _accept_all(self) -> None:
+        """Start a thread for each client that comes."""
+        clients: list[threading.Thread] = []
+        with self._socket:
+            while not self._is_stopping.is_set():
+                clients = [client for client in clients if client.is_alive()]
+                client = self._accept()
+                if client is None:
+                    continue
+                if len(clients) >= self._config.max_clients:
+                    client.turn_away(f"{self._config.max_clients} clients are connected already")
+                    continue
+                thread = threading.Thread(target=client.converse, name=client.name, daemon=True)
+                clients.append(thread)
+                thread.start()
+        for thread in clients:
+            thread.join(self._config.message_timeout_s)
+
+    def _accept(self) -> _Client | None:
+        """Wait a moment for a client."""
+        try:
+            connection, address = self._socket.accept()
+        except TimeoutError:
+            return None
+        except OSError as error:  # the client has gone already, or too many files are open
+            log.warning("a client could not be accepted: %s", error)
+            time.sleep(POLL_S)
+            return None
+        name = f"{address[0]}:{address[1]}"
+        return _Client(connection, name, self._config, self._requests, self._is_stopping)
+
+
+class _Request:
+    """A message that waits for its answer."""
+
+    def __init__(self, message: dict[str, Any]) -> None:
+        self._message = message
+        self._answer: Mapping[str, Any] | None = None
+        self._is_done = threading.Event()
+
+    def answer(self, dialect: Dialect) -> None:
+        """Find the answer, and wake up who waits for it."""
+        try:
+            self._answer = dialect.answer(self._message)
+        finally:
+            self._is_done.set()
+
+    def wait(self, is_stopping: threading.Event) -> Mapping[str, Any] | None:
+        """Return the answer, None if there will be none."""
+        while not self._is_done.wait(POLL_S):
+            if is_stopping.is_set():
+                return None
+        return self._answer
+
+
+class _Client:
+    """One connection."""
+
+    def __init__(
+        self,
+        connection: socket.socket,
+        name: str,
+        config: ServerConfig,
+        requests: queue.SimpleQueue[_Request],
+        is_stopping: threading.Event,
+    ) -> None:
+        self.name = name
+        self._socket = connection
+        self._timeout_s = config.message_timeout_s
+        self._requests = requests
+        self._is_stopping = is_stopping
+        self._stream = JsonStream()
+        self._last_error = ""
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def converse(self) -> None:
+        """Have messages answered until the client goes, breaks the rules, or the server stops."""
+        log.info("%s connected", self.name)
+        try:
+            with self._socket:
+                while (message := self._receive()) is not None:
+                    request = _Request(message)
+                    self._requests.put(request)
+                    answer = request.wait(self._is_stopping)
+                    if answer is None:
+                        break
+                    self._log_error(str(answer.get("error", "")))
+                    self._send(answer)
+        except LudusError as error:
+            log.warning("%s was dropped: %s", self.name, error)
+        except OSError as error:
+            log.info("%s has gone: %s", self.name, error)
+        else:
+            log.info("%s: the connection has ended", self.name)
+
+    def turn_away(self, reason: str) -> None:
+        """End the connection before anything was said."""
+        with self._socket:
+            self._refuse(SetupError(reason))
+
+    def _refuse(self, error: LudusError) -> None:
+        """Tell the client what is wrong, if it still listens."""
+        try:
+            self._send({"error": str(error)})
+            self._socket.shutdown(socket.SHUT_WR)
+            self._drain()
+        except OSError:
+            log.debug("%s does not listen", self.name)
+
+    def _drain(self) -> None:
+        """Read what still comes: closing with unread data would destroy what was sent last."""
+        deadline = time.monotonic() + LINGER_S
+        self._socket.settimeout(LINGER_S)
+        while time.monotonic() < deadline and self._socket.recv(READ_BYTES):
+            pass
+
+    def _receive(self) -> dict[str, Any] | None:
+        """Return the next message; None once the client has gone or the server stops.
+
+        Raises:
+            ProtocolError: Something else than a message came; the client has been told.
+            EngineTimeout: The rest of a message did not come; the client has been told.
+        """
+        try:
+            return self._read()
+        except LudusError as error:
+            self._refuse(error)
+            raise
+
+    def _read(self) -> dict[str, Any] | None:
+        deadline = time.monotonic() + self._timeout_s
+        self._socket.settimeout(POLL_S)
+        while (message := self._stream.take()) is None:
+            is_idle = self._stream.num_pending_bytes == 0
+            if is_idle:
+                deadline = time.monotonic() + self._timeout_s
+            if self._is_stopping.is_set():
+                return None
+            if time.monotonic() > deadline:
+                raise EngineTimeout(
+                    f"the rest of a message did not come within {self._timeout_s:g} s; there are "
+                    f"{self._stream.num_pending_bytes} bytes of it"
+                )
+            try:
+                data = self._socket.recv(READ_BYTES)
+            except TimeoutError:
+                continue
+            if not data:
+                if not is_idle:
+                    raise ProtocolError("the connection ended in the middle of a message")
+                return None
+            self._stream.feed(data)
+        return message
+
+    def _send(self, answer: Mapping[str, Any]) -> None:
+        self._socket.settimeout(self._timeout_s)
+        self._socket.sendall(json.dumps(answer).encode())
+
+    def _log_error(self, error: str) -> None:
+        """Log an error, but not again and again."""
+        if error and error != self._last_error:
+            log.warning("%s: %s", self.name, error)
+        self._last_error = error
+
+
+def _listen(port: int) -> socket.socket:
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        if os.name == "posix":  # elsewhere this would let two servers share a port
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(("127.0.0.1", port))
+        listener.listen()
+    except (OSError, OverflowError) as error:
+        listener.close()
+        raise SetupError(
+            f"cannot listen at 127.0.0.1:{port}: {error}",
+            "another server is there, ludus serve or the game's own; end it, or choose --port",
+        ) from error
+    listener.settimeout(POLL_S)
+    return listener

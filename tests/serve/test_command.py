@@ -1,0 +1,61 @@
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from ludus.cli.main import main
+from tests.serve.conftest import DEADLINE_S, Client, replays
+
+
+def test_a_dialect_must_be_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["serve"]) == 2
+    assert "no dialect was named" in capsys.readouterr().err
+    assert main(["serve", "--dialect", "godot-rl"]) == 2
+    output = capsys.readouterr().err
+    assert "there is no dialect 'godot-rl'" in output
+    assert "hint: known so far: --dialect godot-ai" in output
+
+
+def test_a_folder_must_be_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["serve", "--dialect", "godot-ai", "--project", str(tmp_path / "x")]) == 2
+    assert "there is no folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
+def test_signals_save_and_end_it(tmp_path: Path, signum: signal.Signals) -> None:
+    (tmp_path / "project.godot").touch()
+    arguments = ["serve", "--dialect", "godot-ai", "--project", str(tmp_path), "--port", "0"]
+    log = tmp_path / "log"
+    with log.open("wb") as output:
+        process = subprocess.Popen([sys.executable, "-m", "ludus.cli", *arguments], stderr=output)
+    try:
+        client = Client(_port(log, process), tmp_path)
+        assert client.init() == {"done": True}
+        assert client.submit(replays(40)) == {"done": True}
+        client.send(json.dumps({"command": "train", "file_name": "hero", "steps": 10**6}).encode())
+        time.sleep(0.5)
+        process.send_signal(signum)
+        assert process.wait(DEADLINE_S) == 128 + signum
+        client.close()
+    finally:
+        process.kill()
+        process.wait()
+    (state,) = tmp_path.rglob("state.json")
+    assert json.loads(state.read_text())["run"]["gradient_steps"] > 0
+    assert "Traceback" not in log.read_text()
+
+
+def _port(log: Path, process: subprocess.Popen[bytes]) -> int:
+    deadline = time.monotonic() + DEADLINE_S
+    while time.monotonic() < deadline and process.poll() is None:
+        for line in log.read_text().splitlines():
+            if line.startswith("serving godot-ai games in"):
+                return int(line.rpartition(":")[2])
+        time.sleep(0.05)
+    raise AssertionError(log.read_text())
