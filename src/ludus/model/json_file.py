@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import base64
 import json
-import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ludus.disk import write_atomically
 from ludus.errors import PolicyFileError
 from ludus.model.checking import check_model
 from ludus.model.json_reader import FORMAT, VERSION, from_json
@@ -62,17 +62,10 @@ def write_model(path: str | Path, model: PolicyModel) -> None:
     """
     path = Path(path)
     text = json.dumps(to_json(model), separators=(",", ":"), allow_nan=False) + "\n"
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        with temporary.open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
+        write_atomically(path, text.encode())
     except OSError as error:
         raise PolicyFileError(f"cannot write policy file {path}: {error.strerror}") from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def to_json(model: PolicyModel) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ludus.disk import disk_errors
 from ludus.errors import CheckpointError
 from ludus.serve.agent import Agent
 from ludus.train.checkpoint import (
@@ -28,7 +29,6 @@ from ludus.train.checkpoint import (
     write_checkpoint,
 )
 from ludus.train.config import TrainConfig
-from ludus.train.disk import disk_errors
 from ludus.train.layers import to_plain
 from ludus.train.run_folder import RunFolder
 

@@ -7,10 +7,10 @@ import os
 from pathlib import Path
 from typing import Any, cast
 
+from ludus.disk import disk_errors
 from ludus.errors import ProtocolError
 from ludus.serve.fields import Fields, short
 from ludus.serve.godot_json import parse_godot_json
-from ludus.train.disk import disk_errors
 
 __all__ = ["ProjectFiles"]
 

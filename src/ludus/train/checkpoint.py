@@ -25,9 +25,9 @@ from safetensors.torch import load as load_safetensors
 from safetensors.torch import save as save_safetensors
 from torch import Tensor
 
+from ludus.disk import disk_errors, sync_folder, write_synced
 from ludus.errors import CheckpointError
 from ludus.spec import PolicySpec
-from ludus.train.disk import disk_errors, sync_folder, write_synced
 from ludus.train.learner import LearnerState
 
 __all__ = ["Checkpoint", "CheckpointStore", "check_spec", "read_checkpoint", "write_checkpoint"]

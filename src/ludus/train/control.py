@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
-from ludus.train.disk import disk_errors, write_atomically
+from ludus.disk import disk_errors, write_atomically
 from ludus.train.policy_config import Mode
 
 __all__ = ["MODES", "Request", "SaveRequest", "SetMode", "StopRequest", "read_request",

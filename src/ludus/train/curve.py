@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ludus.train.disk import disk_errors
+from ludus.disk import disk_errors
 from ludus.train.metrics import read_metrics
 
 __all__ = ["draw_learning_curve"]

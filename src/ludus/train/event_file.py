@@ -11,7 +11,7 @@ from typing import Any
 
 from tensorboard.summary.writer.record_writer import RecordWriter
 
-from ludus.train.disk import disk_errors
+from ludus.disk import disk_errors
 
 __all__ = ["EventFile"]
 

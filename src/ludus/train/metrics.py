@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ludus.train.disk import disk_errors, write_atomically
+from ludus.disk import disk_errors, write_atomically
 from ludus.train.event_file import EventFile
 
 __all__ = ["METRICS", "POLICY_METRICS", "MetricsLog", "read_metrics"]

@@ -28,11 +28,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ludus.disk import disk_errors, write_atomically
 from ludus.engine.locks import LockHeld, file_lock
 from ludus.errors import CheckpointError, RunError
 from ludus.train.checkpoint import CheckpointStore
 from ludus.train.config import TrainConfig
-from ludus.train.disk import disk_errors, write_atomically
 from ludus.train.layers import lay_over, read_file, to_plain
 
 __all__ = ["RunFolder"]

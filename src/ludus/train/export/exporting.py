@@ -6,11 +6,11 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from ludus.disk import disk_errors, write_atomically
 from ludus.engine import EngineKind, InstalledEngine, find_engine
 from ludus.errors import EngineNotFound
 from ludus.model.json_file import write_model
 from ludus.model.policy_model import PolicyModel
-from ludus.train.disk import disk_errors, write_atomically
 from ludus.train.export.convert import to_model
 from ludus.train.export.godot_runtime import find_godot
 from ludus.train.export.parity import (

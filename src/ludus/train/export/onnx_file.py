@@ -24,10 +24,10 @@ from typing import Any, cast
 import onnx
 from onnx import TensorProto, ValueInfoProto, helper
 
+from ludus.disk import disk_errors, write_atomically
 from ludus.errors import RunError
 from ludus.model.policy_model import PolicyModel, is_image
 from ludus.spec import ObservationEntry
-from ludus.train.disk import disk_errors, write_atomically
 from ludus.train.export.onnx_graph import OnnxGraph
 from ludus.version import __version__
 
