@@ -62,8 +62,8 @@ static var num_changes: int = 0
 ## Whether the policy draws its actions, as in training, instead of taking the most probable ones.
 @export var is_sampling: bool = false
 
-## The node that has the five methods.
-var target: Node
+## What has the five methods: a node, or the seat of an agent of a [LudusSimulation].
+var target: Object
 ## The world this agent lives in.
 var world: LudusWorld
 ## Steps since the episode began.
@@ -123,19 +123,29 @@ func is_leaving() -> bool:
 	)
 
 
+## Whether the game has [code]is_truncated()[/code].
+func has_truncation() -> bool:
+	return target.has_method(&"is_truncated")
+
+
+## Whether the game has [code]get_manual_action()[/code].
+func has_manual_action() -> bool:
+	return target.has_method(&"get_manual_action")
+
+
 ## Path inside the world, for messages.
 func path_in_world() -> String:
 	var own_world := world if world != null else LudusWorld.find_above(self)
 	return str(own_world.root.get_path_to(self)) if own_world != null else str(get_path())
 
 
-func _find_target() -> Node:
+func _find_target() -> Object:
 	if has_method(REQUIRED_METHODS[0]):
 		return self
 	return get_parent() if target_path.is_empty() else get_node_or_null(target_path)
 
 
-func _describe(node: Node) -> String:
+func _describe(node: Object) -> String:
 	var script: Script = node.get_script()
 	return "%s (%s)" % [node.name, script.resource_path if script != null else node.get_class()]
 

@@ -51,6 +51,7 @@ var _stage: LudusStage
 var _game: LudusGame
 var _manual: LudusManualPlay
 var _ceiling: LudusCeiling
+var _settling: LudusSettling
 var _ticks_left: int = 0
 var _num_ticks: int = 0
 var _has_reset: bool = false
@@ -109,11 +110,11 @@ func _physics_process(_delta: float) -> void:
 				_serve()
 		Phase.SETTLING:
 			_num_ticks += 1
-			_ticks_left -= 1
-			if _ticks_left == 0:
-				_stage.set_running([])
+			if _settling.advance():
 				_answer()
 				_serve()
+			elif not _settling.error.is_empty():
+				_fail("game", _settling.error)
 		Phase.CEILING:
 			if _ceiling.advance():
 				_send(_ceiling.result_frame())
@@ -168,15 +169,12 @@ func _hold_or_answer() -> bool:
 
 
 func _settle_or_answer() -> bool:
-	var settling := _game.take_settling()
-	if settling.is_empty():
+	var worlds := _game.take_settling()
+	if worlds.is_empty():
 		_answer()
 		return true
 	_phase = Phase.SETTLING
-	_ticks_left = 0
-	for world: LudusWorld in settling:
-		_ticks_left = maxi(_ticks_left, world.settle_ticks)
-	_stage.set_running(settling)
+	_settling = LudusSettling.new(_stage, worlds)
 	return false
 
 

@@ -54,14 +54,20 @@ func make_ceiling(game: LudusGame) -> LudusCeiling:
 func answer(game: LudusGame) -> PackedByteArray:
 	var result := {"id": int(_message.get("id", 0))}
 	var method := str(_message.get("method", ""))
-	var node := game.find_target(_target())
-	if node == null:
+	var callee := game.find_target(_target())
+	if callee == null:
 		result["error"] = "there is no world or agent %s" % JSON.stringify(_target())
-	elif not node.has_method(method):
-		result["error"] = "%s has no method %s" % [node.name, method]
+	elif not callee.has_method(method):
+		result["error"] = "%s has no method %s" % [_name_of(callee), method]
 	else:
-		result["value"] = node.callv(method, _arguments())
+		result["value"] = callee.callv(method, _arguments())
 	return LudusWire.json_frame(LudusWire.Type.RESULT, result)
+
+
+static func _name_of(callee: Object) -> String:
+	if callee is Node:
+		return str((callee as Node).name)
+	return (callee.get_script() as Script).resource_path
 
 
 func _target() -> Dictionary:

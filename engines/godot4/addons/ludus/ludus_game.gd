@@ -40,7 +40,10 @@ func open(max_episode_steps: int, ticks_override: int) -> bool:
 		var worlds := PackedInt32Array()
 		for slot: int in agents.size():
 			worlds.append(slot / _slots_per_world[name])
-		policies.append(LudusPolicyBatch.new(name, agents, worlds, max_episode_steps))
+		var batch_class: GDScript = (
+			LudusSimulationBatch if LudusSimulationBatch.fits(agents) else LudusPolicyBatch
+		)
+		policies.append(batch_class.new(name, agents, worlds, max_episode_steps))
 		_num_agents_in_world += _slots_per_world[name]
 	_is_per_agent = _stage.worlds[0].episode_mode == LudusWorld.Episode.AGENT
 	_choose_ticks(ticks_override)
@@ -134,14 +137,15 @@ func append_to(frame: PackedByteArray) -> void:
 	_gather_errors()
 
 
-## The node a [code]CALL[/code] is meant for, or null.
-func find_target(target: Dictionary) -> Node:
+## What a [code]CALL[/code] is meant for, or null.
+func find_target(target: Dictionary) -> Object:
 	var i := int(target.get("world", -1))
 	if i < 0 or i >= _stage.worlds.size():
 		return null
 	var root := _stage.worlds[i].root
 	if not target.has("agent") or target["agent"] == null:
-		return root
+		var host := root as LudusSimulationHost
+		return root if host == null else host.simulation
 	var agent := root.get_node_or_null(NodePath(str(target["agent"]))) as LudusAgent
 	return agent.target if agent != null else null
 
@@ -172,6 +176,8 @@ func _rosters() -> Dictionary:
 
 func _agents_of(world: LudusWorld) -> Dictionary:
 	var by_policy := {}
+	if world.root is LudusSimulationHost and error.is_empty():
+		error = (world.root as LudusSimulationHost).error
 	for node: Node in world.root.find_children("*", "Node", true, false) + [world.root]:
 		var agent := node as LudusAgent
 		if agent == null or not agent.enabled:
@@ -232,7 +238,7 @@ func _continue_after(policy: LudusPolicyBatch, slot: int, ended: PackedInt32Arra
 		world.begin_episode()
 		if _num_agents_in_world == 1:
 			world.episode_started.emit()
-			if world.settle_ticks > 0:
+			if world.settle_ticks > 0 or not world.is_ready:
 				_settling.append(world)
 		agent.target.reset()
 		policy.activate(slot)
@@ -297,7 +303,7 @@ func _begin_episode(i: int) -> void:
 			if policy.agents[slot] != null:
 				policy.agents[slot].target.reset()
 				policy.activate(slot)
-	if world.settle_ticks > 0:
+	if world.settle_ticks > 0 or not world.is_ready:
 		_settling.append(world)
 
 

@@ -22,7 +22,7 @@ func advance() -> void:
 			continue
 		if agent.target == null:
 			_begin(agent)
-		elif agent.target.has_method(&"get_manual_action"):
+		elif agent.has_manual_action() and agent.world.is_ready:
 			_play(agent)
 	_tick += 1
 
@@ -32,7 +32,7 @@ func _begin(agent: LudusAgent) -> void:
 	if not problem.is_empty():
 		push_warning("ludus: %s: %s" % [agent.get_path(), problem])
 		agent.enabled = false
-	elif agent.target.has_method(&"get_manual_action"):
+	elif agent.has_manual_action():
 		_restart(agent)
 
 
@@ -46,7 +46,8 @@ func _play(agent: LudusAgent) -> void:
 			_restart(agent)
 	elif agent.action_timing == LudusAgent.ActionTiming.ONCE or not _actions.has(agent):
 		return
-	agent.target.apply_action(_actions[agent])
+	if _actions[agent] != null:
+		agent.target.apply_action(_actions[agent])
 
 
 func _restart(agent: LudusAgent) -> void:

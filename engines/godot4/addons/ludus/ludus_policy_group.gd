@@ -57,7 +57,7 @@ func accepts(agent: LudusAgent) -> bool:
 		and agent.ticks_per_step == ticks_per_step
 		and agent.max_episode_steps == layout.max_steps
 		and agent.has_action_mask == layout.has_action_mask
-		and agent.target.has_method(&"is_truncated") == layout.has_truncation
+		and agent.has_truncation() == layout.has_truncation
 		and is_every_tick == layout.is_every_tick
 	)
 
@@ -120,7 +120,7 @@ func episode_return(slot: int) -> float:
 func act(tick: int) -> void:
 	_active_slots.clear()
 	for slot: int in batch.agents.size():
-		if _ready_at[slot] >= 0 and _ready_at[slot] <= tick:
+		if _ready_at[slot] >= 0 and _ready_at[slot] <= tick and worlds[slot].is_ready:
 			_ready_at[slot] = -1
 			batch.activate(slot)
 		if batch.active[slot] == 1:

@@ -34,7 +34,7 @@ func _init(
 ) -> void:
 	components = first.action
 	has_action_mask = first.has_action_mask
-	has_truncation = first.target.has_method(&"is_truncated")
+	has_truncation = first.has_truncation()
 	is_every_tick = first.action_timing == LudusAgent.ActionTiming.EVERY_TICK
 	max_steps = max_steps_override if max_steps_override > 0 else first.max_episode_steps
 	for part: LudusActionComponent in components:

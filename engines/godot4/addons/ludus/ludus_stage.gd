@@ -49,6 +49,7 @@ func build() -> bool:
 			return false
 		if i == 0 or layout == LudusWorld.Layout.ISOLATED:
 			_spaces.append(_add_space(i == 0))
+		world.layout = layout
 		if layout == LudusWorld.Layout.GRID:
 			_place(root, i, worlds[0].spacing)
 		_spaces[-1].add_child(root)
@@ -67,6 +68,7 @@ func rebuild_world(i: int) -> LudusWorld:
 	world.take_over(old)
 	worlds.pop_back()
 	worlds[i] = world
+	world.layout = layout
 	if layout == LudusWorld.Layout.GRID:
 		_place(root, i, world.spacing)
 	old.root.free()
@@ -91,9 +93,12 @@ func set_running(running: Array[LudusWorld]) -> void:
 	PhysicsServer3D.set_active(true)
 	for world: LudusWorld in worlds:
 		var runs := all or world in running
-		var viewport := world.root.get_viewport()
-		PhysicsServer2D.space_set_active(viewport.world_2d.space, runs)
-		PhysicsServer3D.space_set_active(viewport.find_world_3d().space, runs)
+		if world.root is LudusSimulationHost:
+			(world.root as LudusSimulationHost).set_running(runs, not all)
+		else:
+			var viewport := world.root.get_viewport()
+			PhysicsServer2D.space_set_active(viewport.world_2d.space, runs)
+			PhysicsServer3D.space_set_active(viewport.find_world_3d().space, runs)
 		world.root.process_mode = (
 			Node.PROCESS_MODE_ALWAYS if runs and not all else Node.PROCESS_MODE_INHERIT
 		)
@@ -166,7 +171,9 @@ func _place(root: Node, i: int, spacing: Vector3) -> void:
 	for axis: int in axes:
 		place[axis] = (rest % side - (side - 1) / 2) * spacing[axis]
 		rest /= side
-	if root is Node2D:
+	if root is LudusSimulationHost:
+		(root as LudusSimulationHost).place(place)
+	elif root is Node2D:
 		(root as Node2D).position += Vector2(place.x, place.y)
 	else:
 		(root as Node3D).position += place
@@ -175,7 +182,7 @@ func _place(root: Node, i: int, spacing: Vector3) -> void:
 ## The axes along which copies are put.
 static func _axes(root: Node, spacing: Vector3) -> PackedInt32Array:
 	var axes := PackedInt32Array()
-	for axis: int in 2 if root is Node2D else 3:
+	for axis: int in 2 if root is Node2D and root is not LudusSimulationHost else 3:
 		if spacing[axis] > 0.0:
 			axes.append(axis)
 	return axes

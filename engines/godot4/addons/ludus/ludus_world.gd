@@ -56,6 +56,9 @@ var parameters: Dictionary = {}
 var index: int = 0
 ## Number of episodes begun since the last seeded reset.
 var num_episodes: int = 0
+## Whether the episode that has begun can be observed; false while a [LudusSimulation] awaits ticks
+## to begin it.
+var is_ready: bool = true
 ## Root of this copy of the scene.
 var root: Node
 
