@@ -48,6 +48,8 @@ def test_layers_scene_file_command_line(tmp_path: Path) -> None:
     config = effective([*typed, "--policies.target.discount", "0.6"], hero, target)
     assert (config.target, config.num_worlds, config.num_engines) == ("x", 5, 4)
     first, second = config.policies["hero"], config.policies["target"]
+    assert isinstance(first, PPOConfig)
+    assert isinstance(second, PPOConfig)
     assert (first.learning_rate, first.clip_range) == (0.2, 0.3)  # scene
     assert (first.discount, first.gae_lambda) == (0.5, 0.3)  # file, and its own table
     assert (second.gae_lambda, second.discount) == (0.4, 0.6)  # file; command line, one policy
