@@ -1,0 +1,86 @@
+extends "res://examples/shared/walker.gd"
+## What soldier and zombies have in common: health, and three layers of rays.
+
+const Fighter := preload("res://examples/zombies/fighter.gd")
+
+## Angles of the rays from straight ahead, fractions of π.
+const RAY_ANGLES: PackedFloat64Array = [
+	0.0, 0.04, -0.04, 0.09, -0.09, 0.15, -0.15, 0.23, -0.23, 0.33, -0.33, 0.45, -0.45
+]
+const NUM_RAYS := 13
+## Places of the numbers in the senses; friends only where there are some.
+const WALLS_AT := 1
+const ENEMIES_AT := WALLS_AT + NUM_RAYS
+const FRIENDS_AT := ENEMIES_AT + NUM_RAYS
+
+static var _fan := fan(RAY_ANGLES)
+
+## From 1 down to 0, which is dead.
+var health: float = 1.0
+## Health lost in this step.
+var pain: float = 0.0
+
+
+## Whether it lives.
+func is_alive() -> bool:
+	return health > 0.0
+
+
+## Begins an episode in full health.
+func begin(at: Vector2, looking: float) -> void:
+	super(at, looking)
+	health = 1.0
+	pain = 0.0
+
+
+## Loses health.
+func suffer(damage: float) -> void:
+	# A trace left by subtracting 0.05 twenty times is no life.
+	var left := health - damage if health - damage > 1e-6 else 0.0
+	pain += health - left
+	health = left
+
+
+## Turns where its action says and walks, if it lives.
+func act(map: Map, step: float) -> void:
+	pain = 0.0
+	if is_alive():
+		rotation = action[2] * PI
+		walk(map, step)
+
+
+## Returns the first senses: rotation, rays to walls, to [param enemies] and to [param friends],
+## place, health and pain. Without room for friends they are left out.
+func sense(
+	map: Map, enemies: PackedVector2Array, friends: PackedVector2Array, num_layers: int
+) -> PackedFloat32Array:
+	look(map, _fan)
+	var end := WALLS_AT + num_layers * NUM_RAYS
+	var senses := PackedFloat32Array()
+	senses.resize(end)
+	senses.fill(1.0)
+	senses[0] = rotation / PI
+	for i: int in NUM_RAYS:
+		senses[WALLS_AT + i] = ray_lengths[i] / SIGHT
+	see(enemies, senses, ENEMIES_AT)
+	if num_layers > 2:
+		see(friends, senses, FRIENDS_AT)
+	senses.append(place.x / Map.RADIUS)
+	senses.append(place.y / Map.RADIUS)
+	senses.append(scaled(health))
+	senses.append(scaled(pain))
+	return senses
+
+
+## Turns a share, 0 to 1, into −1 to 1.
+static func scaled(share: float) -> float:
+	return 2.0 * share - 1.0
+
+
+## Returns the places of those that live.
+static func places_of(fighters: Array[Fighter]) -> PackedVector2Array:
+	var places := PackedVector2Array()
+	for fighter: Fighter in fighters:
+		if fighter.is_alive():
+			places.append(fighter.place)
+	return places
