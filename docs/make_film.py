@@ -16,6 +16,7 @@ from PIL import Image
 
 from ludus.pool import PoolConfig, open_pool
 from ludus.session import LaunchOptions
+from ludus.train.policy import Player
 from ludus.train.saved import load_policies
 
 FRAMES_PER_SECOND = 60
@@ -50,13 +51,15 @@ def main(film: Film) -> None:
         )
         with open_pool(config["target"], PoolConfig(scene=config["scene"], launch=launch)) as pool:
             policies = load_policies(film.run, pool.policies)
+            players = {
+                name: Player(policy, pool.num_agents(name)) for name, policy in policies.items()
+            }
             batches = pool.reset(1)
             steps_per_second = pool.spec.tick_rate / pool.spec.ticks_per_step
             for _ in range(int(film.seconds * steps_per_second)):
-                actions = {
-                    name: policy.act(batches[name], None) for name, policy in policies.items()
-                }
-                batches = pool.step(actions)
+                batches = pool.step(
+                    {name: player.act(batches[name]) for name, player in players.items()}
+                )
         frames = sorted(Path(folder).glob("*.png"))[film.skip :: film.skip]
         write_gif([Image.open(frame) for frame in frames], film)
 

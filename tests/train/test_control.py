@@ -3,6 +3,7 @@ from __future__ import annotations
 import itertools
 import logging
 import typing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -102,6 +103,21 @@ def test_a_run_obeys(small: Any) -> None:
     saved = sorted(path.name for path in (run / "checkpoints").iterdir())
     steps = [0, 3 * 64 + 2 * 256, 6 * 64 + 2 * 256]
     assert saved == [f"step-{step:012d}" for step in steps]
+
+
+def test_a_mode_lasts_over_a_resumption_unless_the_settings_change(small: Any) -> None:
+    config = small(total_steps=640, checkpoint_every_updates=None)
+    run = config.runs / "run"
+    train(config, reporter=Asking(run, {2: [SetMode("agent", "frozen")]}))
+    train(replace(config, total_steps=1_500), resume=run)
+    lines = [line["policies"]["agent"] for line in read_metrics(run / "metrics.jsonl")]
+    assert [line["is_learning"] for line in lines[:2]] == [1, 1]
+    assert {line["is_learning"] for line in lines[2:]} == {0}
+    frozen = replace(config.ppo, mode="deterministic")
+    train(replace(config, total_steps=3_000, policies={"agent": frozen}), resume=run)
+    train(replace(config, total_steps=5_000, policies={"agent": config.ppo}), resume=run)
+    lines = [line["policies"]["agent"] for line in read_metrics(run / "metrics.jsonl")]
+    assert lines[-1]["is_learning"] == 1
 
 
 def test_frozen_weights_stay_and_a_schedule_is_followed(small: Any) -> None:

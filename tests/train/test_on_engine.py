@@ -286,5 +286,6 @@ class Killing(SilentReporter):
         self._left -= 1
         if self._left == 0:
             children = psutil.Process().children(recursive=True)
-            engines = [child for child in children if "godot" in " ".join(child.cmdline())]
+            alive = [child for child in children if child.status() != psutil.STATUS_ZOMBIE]
+            engines = [child for child in alive if "godot" in " ".join(child.cmdline())]
             os.kill(engines[-1].pid, signal.SIGKILL)

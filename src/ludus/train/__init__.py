@@ -9,21 +9,25 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ludus.train.config import PPOConfig, TrainConfig
+    from ludus.train.config import LeagueConfig, Phase, PPOConfig, SACConfig, TrainConfig
     from ludus.train.evaluation import Evaluation, evaluate
     from ludus.train.loop import train
-    from ludus.train.policy import Policy
+    from ludus.train.policy import Player, Policy
     from ludus.train.progress import Progress, Reporter, RunResult
     from ludus.train.saved import load_policies
     from ludus.train.source import open_source
 
 __all__ = [
     "Evaluation",
+    "LeagueConfig",
     "PPOConfig",
+    "Phase",
+    "Player",
     "Policy",
     "Progress",
     "Reporter",
     "RunResult",
+    "SACConfig",
     "TrainConfig",
     "evaluate",
     "load_policies",
@@ -33,11 +37,15 @@ __all__ = [
 
 _MODULES = {
     "Evaluation": "evaluation",
+    "LeagueConfig": "config",
     "PPOConfig": "config",
+    "Phase": "config",
+    "Player": "policy",
     "Policy": "policy",
     "Progress": "progress",
     "Reporter": "progress",
     "RunResult": "progress",
+    "SACConfig": "config",
     "TrainConfig": "config",
     "evaluate": "evaluation",
     "load_policies": "saved",

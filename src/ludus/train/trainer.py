@@ -101,11 +101,22 @@ class Trainer:
             self._seats[name].load_state(checkpoint.run["seats"][name])
         if self._league is not None and "league" in checkpoint.run:
             self._league.load_state(checkpoint.league, checkpoint.run["league"])
+        for name, mode in self._changed_modes(checkpoint).items():
+            self._set_mode(name, mode)
         self._note_learning()
         self.updates = int(checkpoint.run["updates"])
         self.wall_s = float(checkpoint.run["wall_s"])
         self._saved_at_s, self._saved_at_update = self.wall_s, self.updates
         restore_random_state(checkpoint.run["random"])
+
+    def _changed_modes(self, checkpoint: Checkpoint) -> dict[str, Mode]:
+        """Return the modes of policies that the settings now want otherwise than before."""
+        before = checkpoint.config["policies"]
+        return {
+            name: settings.mode
+            for name, settings in self._config.policies.items()
+            if settings.mode != before[name]["mode"]
+        }
 
     def run(self, is_stopping: Callable[[], bool], reporter: Reporter) -> StopReason:
         """Train until a limit of the config is reached or ``is_stopping`` says so.
