@@ -33,6 +33,16 @@ func add(node: Node) -> void:
 	tree.root.add_child(node)
 
 
+## Presses or lets go of a key, as a person would.
+func press(key: Key, is_down: bool) -> void:
+	var event := InputEventKey.new()
+	event.keycode = key
+	event.physical_keycode = key
+	event.pressed = is_down
+	Input.parse_input_event(event)
+	Input.flush_buffered_events()
+
+
 ## Returns the names of the tests of this file.
 func list_tests() -> PackedStringArray:
 	var names := PackedStringArray()

@@ -175,14 +175,14 @@ func test_by_hand_w_a_s_d_move_the_hero_and_with_shift_the_target() -> void:
 	for is_shifted: bool in [false, true]:
 		game.hero.begin(Vector2(-100.0, 0.0), 0.0)
 		game.target.begin(Vector2(100.0, 0.0), 0.0)
-		_press(KEY_SHIFT, is_shifted)
-		_press(KEY_W, true)
+		press(KEY_SHIFT, is_shifted)
+		press(KEY_W, true)
 		_tick(play, host)
 		_tick(play, host)
-		_press(KEY_W, false)
+		press(KEY_W, false)
 		check((game.hero.place.y < -15.0) != is_shifted, "hero at %s" % game.hero.place)
 		check((game.target.place.y < -15.0) == is_shifted, "target at %s" % game.target.place)
-	_press(KEY_SHIFT, false)
+	press(KEY_SHIFT, false)
 
 
 func test_by_hand_rounds_follow_each_other() -> void:
@@ -200,15 +200,6 @@ func test_by_hand_rounds_follow_each_other() -> void:
 func _tick(play: LudusManualPlay, host: LudusSimulationHost) -> void:
 	play.advance()
 	host._physics_process(1.0 / 60.0)
-
-
-func _press(key: Key, is_down: bool) -> void:
-	var event := InputEventKey.new()
-	event.keycode = key
-	event.physical_keycode = key
-	event.pressed = is_down
-	Input.parse_input_event(event)
-	Input.flush_buffered_events()
 
 
 ## Both in the open, far apart on the x axis.

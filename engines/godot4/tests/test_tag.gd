@@ -125,13 +125,13 @@ func test_keys_steer_for_one_round() -> void:
 	var runner := arena.get_node("Runner") as Runner
 	for body: Body in [chaser, runner]:
 		body.reset()
-	_press(KEY_S, true)
+	press(KEY_S, true)
 	equal(chaser.get_manual_action(), 3, "S pushes down")
-	_press(KEY_S, false)
+	press(KEY_S, false)
 	equal(chaser.get_manual_action(), 0, "let go")
-	_press(KEY_LEFT, true)
+	press(KEY_LEFT, true)
 	equal(runner.get_manual_action(), PackedFloat32Array([-1.0, 0.0]), "left")
-	_press(KEY_LEFT, false)
+	press(KEY_LEFT, false)
 	equal(runner.get_manual_action(), PackedFloat32Array([0.0, 0.0]), "let go")
 	for body: Body in [chaser, runner]:
 		body.reset()
@@ -156,15 +156,6 @@ func _run(body: Body, wish: Vector2) -> void:
 		(body as Chaser).apply_action(Chaser.nearest_action(wish))
 	else:
 		(body as Runner).apply_action(PackedFloat32Array([wish.x, wish.y]))
-
-
-func _press(key: Key, is_pressed: bool) -> void:
-	var event := InputEventKey.new()
-	event.physical_keycode = key
-	event.keycode = key
-	event.pressed = is_pressed
-	Input.parse_input_event(event)
-	Input.flush_buffered_events()
 
 
 func _narrowest_passage(game: Round) -> float:

@@ -196,12 +196,12 @@ func test_by_hand_zombies_come_and_space_shoots() -> void:
 	game.map.clear()
 	game.soldier.begin(Vector2(-100.0, 0.0), 0.0)
 	game.zombies[0].begin(Vector2(150.0, 0.0), 0.0)
-	_press(KEY_SPACE, true)
-	_press(KEY_D, true)
+	press(KEY_SPACE, true)
+	press(KEY_D, true)
 	_tick(play, host)
 	_tick(play, host)
-	_press(KEY_SPACE, false)
-	_press(KEY_D, false)
+	press(KEY_SPACE, false)
+	press(KEY_D, false)
 	check(game.soldier.place.x > -85.0, "soldier at %s" % game.soldier.place)
 	check(game.zombies[0].place.x < 145.0, "zombie at %s" % game.zombies[0].place)
 	check(game.zombies[0].health < 1.0, "hit")
@@ -210,15 +210,6 @@ func test_by_hand_zombies_come_and_space_shoots() -> void:
 func _tick(play: LudusManualPlay, host: LudusSimulationHost) -> void:
 	play.advance()
 	host._physics_process(1.0 / 60.0)
-
-
-func _press(key: Key, is_down: bool) -> void:
-	var event := InputEventKey.new()
-	event.keycode = key
-	event.physical_keycode = key
-	event.pressed = is_down
-	Input.parse_input_event(event)
-	Input.flush_buffered_events()
 
 
 ## Soldier and zombies on the x axis; all look right, as nought says.
