@@ -6,10 +6,11 @@ import contextlib
 import socket
 import struct
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from ludus.link import Link
+from ludus.session import EngineSession
 from tests.wire.golden import load
 from tests.wire.reference import FRAME_NUMBERS, encode_batch, frame, json_frame, quiet_batch
 
@@ -120,3 +121,11 @@ class FakeEngine:
             self._error = error
         finally:
             self.talk.close()
+
+
+def end_all(sessions: Iterable[EngineSession], engines: Iterable[FakeEngine]) -> None:
+    """Close the sessions, then wait for their engines, which raise what went wrong there."""
+    for session in sessions:
+        session.close()
+    for engine in engines:
+        engine.join()

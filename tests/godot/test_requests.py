@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 
 from ludus.addon import install_addon
-from ludus.batch import ActionBatch
 from ludus.engine import (
     EngineProcess,
     GodotFlags,
@@ -24,11 +23,12 @@ from ludus.engine import (
     resolve_target,
 )
 from ludus.errors import GameError
-from ludus.pool import EnginePool, PoolConfig, open_pool
+from ludus.pool import PoolConfig, open_pool
 from ludus.session import EngineSession, LaunchOptions, open_session
 from ludus.wire import handshake
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.requests import MODES
+from tests.actions import zeros
 from tests.godot.conftest import reset, step
 from tests.wire.golden import load
 
@@ -344,10 +344,3 @@ def test_the_example_of_the_page(open_game: Open) -> None:
     step(session)
     frozen = {"kind": "set_mode", "policy": "hero", "mode": "frozen"}
     assert session.take_requests() == [frozen, {"kind": "stop"}]
-
-
-def zeros(pool: EnginePool) -> dict[str, ActionBatch]:
-    return {
-        name: ActionBatch.zeros(policy, pool.num_agents(name))
-        for name, policy in pool.policies.items()
-    }

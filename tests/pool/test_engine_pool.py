@@ -25,7 +25,8 @@ from ludus.session.engine_session import EngineSession
 from ludus.session.supervision import Supervision
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
-from tests.fake_engine import POLICIES, FakeEngine, Talk
+from tests.actions import zeros
+from tests.fake_engine import POLICIES, FakeEngine, Talk, end_all
 from tests.wire.reference import decode_reset, decode_step, encode_batch, frame, quiet_batch
 
 TARGET = "Ziel ✓"
@@ -94,10 +95,7 @@ class Fleet:
         return self.engines[engine, start].talk.received
 
     def end(self) -> None:
-        for session in self.sessions:
-            session.close()
-        for engine in self.engines.values():
-            engine.join()
+        end_all(self.sessions, self.engines.values())
 
 
 @pytest.fixture
@@ -105,13 +103,6 @@ def fleet() -> Iterator[Fleet]:
     made = Fleet()
     yield made
     made.end()
-
-
-def zeros(pool: EnginePool) -> dict[str, ActionBatch]:
-    return {
-        name: ActionBatch.zeros(policy, pool.num_agents(name))
-        for name, policy in pool.policies.items()
-    }
 
 
 def first_elements(batches: Batches) -> list[float]:

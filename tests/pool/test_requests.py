@@ -15,7 +15,8 @@ from ludus.pool import EnginePool, Pool
 from ludus.session.engine_session import EngineSession
 from ludus.session.supervision import Supervision
 from ludus.wire.handshake import EngineConfig
-from tests.fake_engine import FLAT, HELLO, FakeEngine, Talk
+from tests.actions import zeros
+from tests.fake_engine import FLAT, HELLO, FakeEngine, Talk, end_all
 from tests.wire.golden import load
 
 SAVE = {"kind": "save"}
@@ -82,10 +83,7 @@ class Games:
         return None
 
     def end(self) -> None:
-        for session in self.sessions:
-            session.close()
-        for engine in self.engines:
-            engine.join()
+        end_all(self.sessions, self.engines)
 
 
 @pytest.fixture
@@ -93,13 +91,6 @@ def games() -> Iterator[Games]:
     made = Games()
     yield made
     made.end()
-
-
-def zeros(pool: EnginePool) -> dict[str, ActionBatch]:
-    return {
-        name: ActionBatch.zeros(policy, pool.num_agents(name))
-        for name, policy in pool.policies.items()
-    }
 
 
 def own_zeros(pool: EnginePool) -> dict[str, ActionBatch]:

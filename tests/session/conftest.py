@@ -15,7 +15,7 @@ from ludus.session.engine_session import EngineSession
 from ludus.session.supervision import Supervision
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
-from tests.fake_engine import FLAT, FakeEngine, Talk
+from tests.fake_engine import FLAT, FakeEngine, Talk, end_all
 
 Behaviour = Callable[[Talk], None]
 
@@ -44,10 +44,7 @@ class Opener:
         return session
 
     def end(self) -> None:
-        for session in self.sessions:
-            session.close()
-        for engine in self.engines:
-            engine.join()
+        end_all(self.sessions, self.engines)
 
 
 @pytest.fixture
