@@ -25,6 +25,8 @@ enum Phase {
 	HELD,  ## Everything is paused for one frame, so that new nodes join the loop.
 	SETTLING,  ## Some worlds tick alone before they are observed.
 	CEILING,  ## Random play inside the engine.
+	WAITING,  ## The trainer is silent: frames pass, worlds stand still. Only in a guiding game.
+	STANDING_BY,  ## The game goes on by itself until the trainer wants something.
 	ENDED,  ## The game quits.
 }
 
@@ -56,6 +58,7 @@ var _ticks_left: int = 0
 var _num_ticks: int = 0
 var _has_reset: bool = false
 var _batch_flags: int = 0
+var _guidance := LudusGuidance.new()
 var _requests := LudusRequests.new()
 var _status := LudusTrainingStatus.new()
 ## Clock of PROTOCOL.md §7, microseconds.
@@ -70,9 +73,29 @@ static func exists() -> bool:
 	return _instance != null
 
 
+## Whether a trainer has started the game, or it shall wait for one.
+static func has_trainer_arguments() -> bool:
+	var arguments := LudusArguments.read()
+	return arguments.has_trainer() or not arguments.play_scene.is_empty()
+
+
+## Calls one of the methods that ask something of the trainer; false without the autoload.
+static func ask(method: StringName, arguments: Array = []) -> bool:
+	return _instance != null and _instance.callv(method, arguments)
+
+
+## Lets [param training] guide the trainer at the other end of [param link].
+static func guide(training: LudusTraining, link: LudusLink) -> void:
+	if _instance == null:
+		training.take_leave("the autoload Ludus is missing; enable the plugin Ludus")
+	else:
+		_instance._guide.call_deferred(training, link)
+
+
 func _init() -> void:
 	add_child(player)
-	_status.received.connect(training_status.emit)
+	add_child(_guidance)
+	_status.received.connect(_show_status)
 	_status.policy_mode_changed.connect(policy_mode_changed.emit)
 
 
@@ -122,6 +145,14 @@ func _physics_process(_delta: float) -> void:
 		Phase.MANUAL:
 			player.advance()
 			_manual.advance()
+		Phase.WAITING:
+			if not _guidance.is_silent_frame():
+				get_tree().paused = false
+				_serve()
+		Phase.STANDING_BY:
+			player.advance()
+			_manual.advance()
+			_serve()
 		Phase.START:
 			_start()
 	_left_us = Time.get_ticks_usec()
@@ -138,10 +169,28 @@ func save_checkpoint() -> bool:
 	return _requests.add({"kind": "save"})
 
 
-## Asks the trainer to save a checkpoint and end the run; the game then quits. Returns false if
-## nobody trains the game.
+## Asks the trainer to save a checkpoint and end the run; the game then quits. Where the game guides
+## its training, the trainer stands by instead. Returns false if nobody trains the game.
 func stop_training() -> bool:
 	return _requests.add({"kind": "stop"})
+
+
+## Asks the trainer to train until [method stop_training]. Returns false if the game does not guide
+## its training, see [LudusTraining].
+func start_training() -> bool:
+	return _requests.add_guided("start")
+
+
+## Asks the trainer to play one round with the most probable actions. Returns false if the game does
+## not guide its training.
+func play_round() -> bool:
+	return _requests.add_guided("play_round")
+
+
+## Asks the trainer to write all policies as files for the game. Returns false if the game does not
+## guide its training.
+func write_policies() -> bool:
+	return _requests.add_guided("write_policies")
 
 
 func _repeat(now: int) -> void:
@@ -202,8 +251,11 @@ func _send(frame: PackedByteArray) -> void:
 
 ## Takes requests until one lets time pass.
 func _serve() -> void:
-	while _phase != Phase.ENDED:
+	while _link != null and _phase != Phase.ENDED:
 		var asked := Time.get_ticks_usec()
+		if _requests.is_guided and not _guidance.hears(_link):
+			_phase = Phase.STANDING_BY if _guidance.is_standing_by else Phase.WAITING
+			return
 		if not _link.receive():
 			_fail("" if _link.error.is_empty() else "frame", _link.error)
 			return
@@ -262,6 +314,7 @@ func _handle_reset() -> bool:
 		_fail("frame", "malformed RESET")
 		return false
 	_has_reset = true
+	_guidance.is_standing_by = false
 	_engine_us = 0
 	_batch_flags = LudusWire.FLAG_RESET
 	_bridge_us = 0
@@ -276,7 +329,10 @@ func _handle_call() -> bool:
 		_phase = Phase.CEILING
 		_has_reset = false
 		return true
-	if call.is_for_bridge():
+	if call.is_stand_by():
+		_guidance.is_standing_by = _requests.is_guided
+		_send(call.answer_nothing())
+	elif call.is_for_bridge():
 		_send(call.answer_for_bridge(_requests, _status))
 	else:
 		_send(call.answer(_game))
@@ -287,6 +343,8 @@ func _start() -> void:
 	_phase = Phase.MANUAL
 	_manual = LudusManualPlay.new(get_tree())
 	_arguments = LudusArguments.read()
+	if not has_trainer_arguments() and _guidance.is_in_scene():
+		return
 	_link = LudusLink.new()
 	if not _arguments.play_scene.is_empty():
 		_link.watch(_arguments.parent_pid)
@@ -327,17 +385,32 @@ func _connect() -> bool:
 	return _link.connect_to([address], PLAY_CONNECT_TIMEOUT_MS)
 
 
+func _guide(training: LudusTraining, link: LudusLink) -> void:
+	if _phase != Phase.MANUAL:
+		link.close()
+		training.take_leave("the game is being trained already")
+		return
+	_guidance.training = training
+	_link = link
+	_greet()
+
+
+func _show_status(status: Dictionary) -> void:
+	training_status.emit(status)
+	_guidance.show_status(status)
+
+
 func _greet() -> void:
-	var handshake := LudusHandshake.new(_link, _arguments.token)
+	var handshake := LudusHandshake.new(_link, _arguments.token, _guidance.to_json())
 	var scene: PackedScene = null
 	if handshake.greet():
-		scene = handshake.load_scene(_scene_on_show())
+		scene = handshake.load_scene(_guidance.scene_path())
 	if scene == null:
 		_fail(handshake.code, handshake.error, handshake.hint)
 		return
 	_requests.open(handshake.capabilities)
 	_open(handshake, scene)
-	if _phase == Phase.ENDED:
+	if _link == null or _phase == Phase.ENDED:
 		return
 	var spec := _game.to_json()
 	spec["scene"] = scene.resource_path
@@ -349,26 +422,22 @@ func _greet() -> void:
 
 
 func _open(handshake: LudusHandshake, scene: PackedScene) -> void:
-	if get_tree().current_scene != self:
-		get_tree().unload_current_scene()
+	_guidance.clear_the_stage()
+	var world_scene := LudusOuterScene.enter(scene, get_tree())
 	_stage = LudusStage.new()
 	_stage.name = "Stage"
 	add_child(_stage)
 	_stage.configure(
-		scene,
+		world_scene,
 		handshake.integer("num_worlds", 1),
 		handshake.integer("first_world", 0),
 		str(handshake.config.get("layout", "scene"))
 	)
+	_stage.num_drawn = _guidance.num_drawn() if world_scene == scene else 0
 	_game = LudusGame.new(_stage)
 	var max_steps := handshake.integer("max_episode_steps", 0)
 	if not _game.open(max_steps, handshake.integer("ticks_per_step", 0)):
 		_fail("config", "%s: %s" % [scene.resource_path, _game.error])
-
-
-func _scene_on_show() -> String:
-	var current := get_tree().current_scene
-	return current.scene_file_path if current != null and current != self else ""
 
 
 ## Tells the trainer what is wrong and quits.
@@ -376,11 +445,25 @@ func _fail(code: String, message: String, hint: String = "") -> void:
 	if not code.is_empty():
 		var report := {"code": code, "message": message, "hint": hint}
 		_link.send(LudusWire.json_frame(LudusWire.Type.ERROR, report))
-	_end(message)
+	_end(message if hint.is_empty() else "%s; %s" % [message, hint])
 
 
 func _end(message: String) -> void:
-	_phase = Phase.ENDED
 	if not message.is_empty():
 		printerr("ludus: ", message)
+	if _guidance.training != null:
+		_go_on_without_trainer(message)
+		return
+	_phase = Phase.ENDED
 	get_tree().quit(0 if message.is_empty() else 1)
+
+
+func _go_on_without_trainer(message: String) -> void:
+	_phase = Phase.MANUAL
+	_has_reset = false
+	_requests.close()
+	_link.close()
+	_link = null
+	_guidance.end(message, _stage)
+	_stage = null
+	_game = null

@@ -2,7 +2,7 @@ class_name LudusManualPlay
 extends RefCounted
 ## Lets a person play while no trainer is there: agents whose target has
 ## [code]get_manual_action()[/code] act on it, and begin anew when they are done. Agents with a
-## policy are left to [LudusPolicyPlayer].
+## policy are left to [LudusPolicyPlayer]. Of many worlds the first one is played.
 
 var _tree: SceneTree
 var _tick: int = 0
@@ -22,7 +22,7 @@ func advance() -> void:
 			continue
 		if agent.target == null:
 			_begin(agent)
-		elif agent.has_manual_action() and agent.world.is_ready:
+		elif agent.world.index == 0 and agent.has_manual_action() and agent.world.is_ready:
 			_play(agent)
 	_tick += 1
 

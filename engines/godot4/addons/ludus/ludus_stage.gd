@@ -8,13 +8,18 @@ var worlds: Array[LudusWorld] = []
 var layout: LudusWorld.Layout = LudusWorld.Layout.ISOLATED
 ## Why [method build] failed.
 var error: String = ""
+## The scene that the worlds are copies of.
+var scene: PackedScene
+## How many worlds are drawn, where there is a window. Of worlds in a 3D grid it is the first.
+var num_drawn: int = 1
 
-var _scene: PackedScene
 var _spaces: Array[SubViewport] = []
+var _views: LudusViews
 var _num_worlds: int = 1
 var _first_world: int = 0
 var _layout_name: String = "scene"
-var _is_drawn: bool = DisplayServer.get_name() != "headless"
+## Worlds that are drawn.
+var _num_views: int = 0
 
 
 ## Worlds stop when the tree is paused, unlike the bridge above them.
@@ -22,11 +27,13 @@ func _init() -> void:
 	process_mode = Node.PROCESS_MODE_PAUSABLE
 
 
-## Chooses what [method build] makes: [param num_worlds] copies of [param scene], numbered from
-## [param first_world]; [param layout_name] is [code]scene[/code], [code]isolated[/code] or
+## Chooses what [method build] makes: [param num_worlds] copies of [param world_scene], numbered
+## from [param first_world]; [param layout_name] is [code]scene[/code], [code]isolated[/code] or
 ## [code]grid[/code].
-func configure(scene: PackedScene, num_worlds: int, first_world: int, layout_name: String) -> void:
-	_scene = scene
+func configure(
+	world_scene: PackedScene, num_worlds: int, first_world: int, layout_name: String
+) -> void:
+	scene = world_scene
 	_num_worlds = num_worlds
 	_first_world = first_world
 	_layout_name = layout_name
@@ -39,8 +46,9 @@ func build() -> bool:
 	for world: LudusWorld in worlds:
 		parameters.append(world.parameters)
 	clear()
+	_num_views = mini(num_drawn, _num_worlds) if DisplayServer.get_name() != "headless" else 0
 	for i: int in _num_worlds:
-		var root := _scene.instantiate()
+		var root := scene.instantiate()
 		var world := _prepare(root, i)
 		if i < parameters.size():
 			world.parameters = parameters[i]
@@ -48,11 +56,13 @@ func build() -> bool:
 			root.free()
 			return false
 		if i == 0 or layout == LudusWorld.Layout.ISOLATED:
-			_spaces.append(_add_space(i == 0))
+			_spaces.append(_add_space(world.is_drawn))
 		world.layout = layout
 		if layout == LudusWorld.Layout.GRID:
 			_place(root, i, worlds[0].spacing)
 		_spaces[-1].add_child(root)
+		if i > 0 and world.is_drawn and layout == LudusWorld.Layout.GRID:
+			_views.look_at_world(world, worlds[0])
 	# Deferred: inside a tick Godot takes a new camera at the address of one that was just freed for
 	# that one, and does not make it current.
 	_show_first.call_deferred()
@@ -63,7 +73,7 @@ func build() -> bool:
 func rebuild_world(i: int) -> LudusWorld:
 	var old := worlds[i]
 	var space := _spaces[i if layout == LudusWorld.Layout.ISOLATED else 0]
-	var root := _scene.instantiate()
+	var root := scene.instantiate()
 	var world := _prepare(root, i)
 	world.take_over(old)
 	worlds.pop_back()
@@ -80,6 +90,7 @@ func rebuild_world(i: int) -> LudusWorld:
 func clear() -> void:
 	worlds.clear()
 	_spaces.clear()
+	_views = null
 	for child: Node in get_children():
 		remove_child(child)
 		child.free()
@@ -111,6 +122,7 @@ func _prepare(root: Node, i: int) -> LudusWorld:
 		root.add_child(world, false, Node.INTERNAL_MODE_BACK)
 	world.attach(root)
 	world.index = _first_world + i
+	world.is_drawn = i < _num_views
 	worlds.append(world)
 	return world
 
@@ -121,6 +133,8 @@ func _choose_layout(world: LudusWorld, root: Node) -> bool:
 		layout = (LudusWorld.Layout.GRID if _layout_name == "grid" else LudusWorld.Layout.ISOLATED)
 	if layout == LudusWorld.Layout.ISOLATED:
 		return true
+	if root is Node3D:
+		_num_views = mini(_num_views, 1)
 	if root is not Node2D and root is not Node3D:
 		error = "the grid needs a scene whose root is a Node2D or Node3D, not %s" % root.get_class()
 	elif world.settle_ticks > 0:
@@ -130,34 +144,39 @@ func _choose_layout(world: LudusWorld, root: Node) -> bool:
 	return error.is_empty()
 
 
-## Each space is a viewport with its own 2D and 3D worlds. Only the first one is drawn.
-func _add_space(is_first: bool) -> SubViewport:
+## Each space is a viewport with its own 2D and 3D worlds.
+func _add_space(is_seen: bool) -> SubViewport:
+	if is_seen:
+		return _add_seen_space()
 	var viewport := SubViewport.new()
 	viewport.own_world_3d = true
 	viewport.size = Vector2i(2, 2)
 	viewport.render_target_update_mode = SubViewport.UPDATE_DISABLED
-	if not (is_first and _is_drawn):
-		viewport.disable_3d = not _is_drawn
-		add_child(viewport)
-		return viewport
-	var container := SubViewportContainer.new()
-	container.stretch = true
-	container.set_anchors_preset(Control.PRESET_FULL_RECT)
+	viewport.disable_3d = _num_views == 0
+	add_child(viewport)
+	return viewport
+
+
+func _add_seen_space() -> SubViewport:
+	if _views == null:
+		_views = LudusViews.new(_num_views)
+		add_child(_views)
+	var viewport := _views.add_view()
+	viewport.own_world_3d = true
 	viewport.render_target_update_mode = SubViewport.UPDATE_WHEN_VISIBLE
 	viewport.msaa_3d = get_viewport().msaa_3d
-	container.add_child(viewport)
-	add_child(container)
 	return viewport
 
 
 ## All copies in a grid bring a camera; the first world's is the one to look through.
 func _show_first() -> void:
-	if not _is_drawn:
-		return
-	for camera: Node in worlds[0].root.find_children("*", "Camera3D", true, false):
-		(camera as Camera3D).make_current()
-	for camera: Node in worlds[0].root.find_children("*", "Camera2D", true, false):
-		(camera as Camera2D).make_current()
+	for world: LudusWorld in worlds:
+		if not world.is_drawn or (layout == LudusWorld.Layout.GRID and world != worlds[0]):
+			continue
+		for camera: Node in world.root.find_children("*", "Camera3D", true, false):
+			(camera as Camera3D).make_current()
+		for camera: Node in world.root.find_children("*", "Camera2D", true, false):
+			(camera as Camera2D).make_current()
 
 
 ## Copies lie in a block around the origin, where floats are most precise.

@@ -59,6 +59,8 @@ var num_episodes: int = 0
 ## Whether the episode that has begun can be observed; false while a [LudusSimulation] awaits ticks
 ## to begin it.
 var is_ready: bool = true
+## Whether people see this copy of the scene: what only draws may be left out where they do not.
+var is_drawn: bool = DisplayServer.get_name() != "headless"
 ## Root of this copy of the scene.
 var root: Node
 

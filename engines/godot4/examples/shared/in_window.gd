@@ -9,13 +9,18 @@ extends RefCounted
 const STAGE_NAME := &"Stage"
 
 
-## Loads the placeholders under [param world], if there is a window.
+## Loads the placeholders under [param world], if people see it.
 static func show(world: Node) -> void:
-	if DisplayServer.get_name() == "headless":
+	if not _is_drawn(world):
 		return
 	for placeholder: Node in world.find_children("*", "InstancePlaceholder", true, false):
 		if placeholder.name != STAGE_NAME or not _has_camera(world.get_viewport()):
 			(placeholder as InstancePlaceholder).create_instance(true)
+
+
+static func _is_drawn(root: Node) -> bool:
+	var world := LudusWorld.find_above(root)
+	return world.is_drawn if world != null else DisplayServer.get_name() != "headless"
 
 
 static func _has_camera(viewport: Viewport) -> bool:

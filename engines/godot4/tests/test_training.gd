@@ -1,0 +1,175 @@
+extends "ludus_test.gd"
+## A game that guides its own training: the node, its keys and overlay, how fast time passes.
+
+const ACTION := &"ludus_start"
+
+
+func test_a_request_needs_a_guided_trainer() -> void:
+	var requests := LudusRequests.new()
+	check(not requests.add_guided("start"), "nobody is there")
+	requests.open(["requests"])
+	check(not requests.add_guided("start"), "the trainer guides")
+	requests.open(["requests", "guided"])
+	check(requests.add_guided("start"), "the game guides")
+	equal(requests.take(), [{"kind": "start"}] as Array[Dictionary], "what it asks")
+	requests.add_guided("start")
+	requests.close()
+	equal(requests.take().size(), 0, "the trainer has gone")
+	check(not requests.add_guided("start"), "afterwards")
+
+
+func test_the_greeting_tells_of_the_run() -> void:
+	var training := _training()
+	training.run_name = "tag-2"
+	training.num_worlds = 7
+	training.checkpoint_every_updates = 0
+	equal(training.to_json(), {"run": "tag-2", "num_worlds": 7}, "without numbered checkpoints")
+	training.checkpoint_every_updates = 50
+	equal(training.to_json()["checkpoint_every_updates"], 50, "with them")
+
+
+func test_the_run_is_called_like_its_scene() -> void:
+	var training := _training()
+	training.scene_path = "res://some where/ball chase.tscn"
+	equal(training.to_json()["run"], "ball_chase", "a name that the trainer takes")
+
+
+func test_a_world_that_is_trained_is_not_in_charge() -> void:
+	var stage := LudusStage.new()
+	add(stage)
+	var training := _training()
+	stage.add_child(training)
+	check(not training.is_in_charge(), "under a stage")
+	equal(training.get_child_count(), 0, "neither keys nor overlay")
+	equal(training.state, LudusTraining.State.OFFLINE, "it looks for nobody")
+
+
+func test_the_node_follows_what_the_trainer_tells() -> void:
+	var training := _training()
+	add(training)
+	var told: Array[LudusTraining.State] = []
+	training.state_changed.connect(told.append)
+	training.take_in(_status("standby"))
+	training.take_in(_status("standby"))
+	training.take_in(_status("training", "began"))
+	training.take_in(_status("playing"))
+	equal(
+		told,
+		(
+			[
+				LudusTraining.State.STANDBY,
+				LudusTraining.State.TRAINING,
+				LudusTraining.State.PLAYING,
+			]
+			as Array[LudusTraining.State]
+		),
+		"every change once"
+	)
+	equal(training.message, "began", "an empty message leaves the last one")
+	equal(training.modes["hero"], LudusBridge.PolicyMode.FROZEN, "the mode of a policy")
+	training.take_leave("the lights went out")
+	equal(training.state, LudusTraining.State.OFFLINE, "the trainer has gone")
+	equal(training.message, "the lights went out", "why")
+	LudusTraining.farewell = ""
+
+
+func test_a_status_with_nonsense_changes_nothing() -> void:
+	var training := _training()
+	add(training)
+	for nonsense: Dictionary in [
+		{"policies": 3}, {"policies": {"hero": 3}}, {"message": 5, "state": []}, {}
+	]:
+		training.take_in(nonsense)
+	equal(training.state, LudusTraining.State.OFFLINE, "the state")
+	equal(training.modes.size(), 0, "the modes")
+	equal(training.message, "", "the message")
+
+
+func test_keys_are_input_actions() -> void:
+	for action: StringName in LudusTrainingKeys.KEYS:
+		InputMap.erase_action(action)
+	LudusTrainingKeys.add_actions()
+	for action: StringName in LudusTrainingKeys.KEYS:
+		var keys: Array = LudusTrainingKeys.KEYS[action]
+		equal(InputMap.action_get_events(action).size(), keys.size(), str(action))
+	equal(LudusTrainingKeys.describe(ACTION), "3", "what people read")
+
+
+func test_a_project_may_choose_other_keys() -> void:
+	InputMap.erase_action(ACTION)
+	InputMap.add_action(ACTION)
+	var event := InputEventKey.new()
+	event.keycode = KEY_T
+	InputMap.action_add_event(ACTION, event)
+	LudusTrainingKeys.add_actions()
+	equal(LudusTrainingKeys.describe(ACTION), "T", "the project's own key stays")
+	InputMap.erase_action(ACTION)
+	LudusTrainingKeys.add_actions()
+
+
+func test_the_overlay_tells_what_people_need() -> void:
+	var training := _training()
+	training.has_keys = true
+	add(training)
+	var overlay := LudusTrainingOverlay.new(training)
+	training.add_child(overlay)
+	training.take_in(_status("training", "saved a checkpoint"))
+	overlay._process(0.1)
+	var text := _text_of(overlay)
+	for part: String in [
+		"training", "update 12", "123.5k steps", "hero", "frozen", "return 2.50", "saved a"
+	]:
+		check(part in text, "%s in %s" % [part, text])
+	check("Enter stop" in text, "the keys: " + text)
+
+
+func test_a_python_that_is_none_is_named() -> void:
+	ProjectSettings.set_setting(LudusTrainerProcess.PYTHON_SETTING, "/nowhere/python")
+	var process := LudusTrainerProcess.new()
+	check(not process.start(1, OS.get_user_data_dir(), OS.get_user_data_dir()), "it cannot start")
+	check("/nowhere/python" in process.error, process.error)
+	check("pip install" in process.error, "what to do: " + process.error)
+	ProjectSettings.set_setting(LudusTrainerProcess.PYTHON_SETTING, null)
+
+
+func test_fast_time_leaves_the_length_of_a_tick() -> void:
+	var ticks := Engine.physics_ticks_per_second
+	var tick_s := Engine.time_scale / ticks
+	var pace := LudusPace.new()
+	pace._is_fixed = false
+	add(pace)
+	pace.is_fast = true
+	check(Engine.physics_ticks_per_second > 10000, "more ticks than any machine can do")
+	check(is_equal_approx(Engine.time_scale / Engine.physics_ticks_per_second, tick_s), "fast")
+	pace.is_fast = false
+	equal(Engine.physics_ticks_per_second, ticks, "as before")
+	LudusPace.watch_at(12)
+	equal(Engine.physics_ticks_per_second, 12, "slow enough to be watched")
+	check(is_equal_approx(Engine.time_scale / Engine.physics_ticks_per_second, tick_s), "slow")
+	LudusPace.watch_at(0)
+	equal(Engine.physics_ticks_per_second, ticks, "and back")
+	equal(Engine.time_scale, 1.0, "the scale, too")
+
+
+func _training() -> LudusTraining:
+	var training := LudusTraining.new()
+	training.starts_by_itself = false
+	training.has_keys = false
+	return training
+
+
+func _status(state: String, message: String = "") -> Dictionary:
+	return {
+		"state": state,
+		"message": message,
+		"agent_steps": 123456.0,
+		"updates": 12.0,
+		"policies": {"hero": {"mode": "frozen", "mean_return": 2.5}},
+	}
+
+
+func _text_of(node: Node) -> String:
+	var text := (node as Label).text + "\n" if node is Label else ""
+	for child: Node in node.get_children():
+		text += _text_of(child)
+	return text
