@@ -3,9 +3,6 @@ extends Node
 ## What is different for the bridge while the game guides its own training (PROTOCOL.md §8): which
 ## scene is trained, how fast time passes, who hears how it goes, and what comes after.
 
-## How long a frame lasts at most while the trainer is silent.
-const PATIENCE_MS := 15
-
 ## The node that guides; null where the trainer does.
 var training: LudusTraining
 ## Whether the trainer lets the game go on by itself.
@@ -62,7 +59,7 @@ func num_drawn() -> int:
 ## Waits a moment for the trainer. Returns false if it has nothing to say; then frames pass, in
 ## which the game draws and hears its keys, and the worlds stand still unless they stand by.
 func hears(link: LudusLink) -> bool:
-	if link.wait_for_data(0 if is_standing_by else PATIENCE_MS):
+	if link.wait_for_data(0 if is_standing_by else _pace.patience_ms()):
 		return true
 	_silent_frame = Engine.get_process_frames()
 	get_tree().paused = not is_standing_by

@@ -14,7 +14,7 @@ const FACTOR := 1000
 const TICKING_PER_DRAWING := 9.0
 ## Limits of the time that ticks get in a frame, microseconds.
 const MIN_TICKING_US := 15000.0
-const MAX_TICKING_US := 100000.0
+const MAX_TICKING_US := 500000.0
 ## Share of the newest frame in the measured times.
 const NEWEST := 0.2
 
@@ -37,6 +37,8 @@ var _usual_steps: int = Engine.max_physics_steps_per_frame
 var _usual_vsync: DisplayServer.VSyncMode
 var _num_ticks: int = 0
 var _max_ticks: int = 1
+## Time that ticks get in a frame.
+var _ticking_us: float = MIN_TICKING_US
 ## Whether the ticks of this frame say nothing about how long a tick lasts.
 var _has_waited: bool = false
 var _ticks_began_us: int = 0
@@ -51,6 +53,12 @@ static func watch_at(ticks_per_second: int) -> void:
 	_watched_ticks = ticks_per_second
 	if _instance != null and not _instance.is_fast:
 		_instance._choose()
+
+
+## How long the trainer may keep a frame waiting, milliseconds: as long as ticks have in this frame.
+func patience_ms() -> int:
+	var spent_us := Time.get_ticks_usec() - _ticks_began_us if _num_ticks > 0 else 0
+	return ceili(maxf(_ticking_us - spent_us, 0.0) / 1000.0)
 
 
 ## Tells that ticks of this frame were left out, because the trainer had nothing to say.
@@ -86,6 +94,8 @@ func _physics_process(_delta: float) -> void:
 		_ticks_began_us = Time.get_ticks_usec()
 		if _ticks_ended_us > 0:
 			_drawing_us = lerpf(_drawing_us, _ticks_began_us - _ticks_ended_us, NEWEST)
+			var ticking_us := _drawing_us * TICKING_PER_DRAWING
+			_ticking_us = clampf(ticking_us, MIN_TICKING_US, MAX_TICKING_US)
 	_num_ticks += 1
 
 
@@ -99,8 +109,7 @@ func _process(_delta: float) -> void:
 		_has_waited = false
 		return
 	_tick_us = maxf(lerpf(_tick_us, newest, NEWEST), 1.0)
-	var ticking_us := clampf(_drawing_us * TICKING_PER_DRAWING, MIN_TICKING_US, MAX_TICKING_US)
-	var num_ticks := clampi(roundi(ticking_us / _tick_us), 1, 2 * _max_ticks)
+	var num_ticks := clampi(roundi(_ticking_us / _tick_us), 1, 2 * _max_ticks)
 	_max_ticks = num_ticks
 	Engine.max_physics_steps_per_frame = num_ticks
 
@@ -108,6 +117,7 @@ func _process(_delta: float) -> void:
 func _choose() -> void:
 	_num_ticks = 0
 	_max_ticks = 1
+	_ticking_us = MIN_TICKING_US
 	_ticks_ended_us = 0
 	var ticks := _usual_ticks * FACTOR
 	if not is_fast:
