@@ -28,14 +28,19 @@ class Link:
     """One connection that carries frames.
 
     Every read and write has the same deadline, in seconds, counted from its beginning.
+
+    Args:
+        connection: Open socket.
+        timeout_s: That deadline.
+        received: What was read of the connection before, and comes first.
     """
 
-    def __init__(self, connection: socket.socket, timeout_s: float) -> None:
+    def __init__(self, connection: socket.socket, timeout_s: float, received: bytes = b"") -> None:
         self._socket = connection
         self._spinner: socket.socket | None = None
         self._spin_s = 0.0
         self._timeout_s = timeout_s
-        self._pending = b""
+        self._pending = received
         connection.settimeout(timeout_s)
         if connection.family != getattr(socket, "AF_UNIX", None):
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import torch
 
-from ludus.serve.serving import ServeConfig, serve
+from ludus.serve.godot_ai.serving import ServeConfig, serve
 
 DEADLINE_S = 60.0
 INIT: dict[str, Any] = {
@@ -138,7 +138,7 @@ def start(project: Path) -> Iterator[Start]:
     started: list[Running] = []
 
     def begin(**changes: Any) -> Running:
-        values: dict[str, Any] = {"dialect": "godot-ai", "project": project, "port": 0, "seed": 7}
+        values: dict[str, Any] = {"project": project, "port": 0, "seed": 7}
         started.append(Running(ServeConfig(**{**values, **changes})))
         return started[-1]
 

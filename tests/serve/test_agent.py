@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from ludus.errors import ConfigError, SequenceError
-from ludus.serve.agent import Agent, AgentSettings
-from ludus.serve.fields import Fields
-from ludus.serve.transitions import read_replays
+from ludus.serve.godot_ai.agent import Agent, AgentSettings
+from ludus.serve.godot_ai.fields import Fields
+from ludus.serve.godot_ai.transitions import read_replays
 from ludus.train.replay import Sample
 from tests.serve.conftest import replays
 

@@ -13,13 +13,29 @@ from ludus.cli.main import main
 from tests.serve.conftest import DEADLINE_S, Client, replays
 
 
-def test_a_dialect_must_be_named(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["serve"]) == 2
-    assert "no dialect was named" in capsys.readouterr().err
+def test_a_dialect_must_be_known(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["serve", "--dialect", "godot-rl"]) == 2
     output = capsys.readouterr().err
     assert "there is no dialect 'godot-rl'" in output
-    assert "hint: known so far: --dialect godot-ai" in output
+    assert "hint: known so far: --dialect ludus, --dialect godot-ai; others come" in output
+
+
+@pytest.mark.parametrize(
+    ("dialect", "option", "other"),
+    [
+        ("ludus", ("--project", "."), "godot-ai"),
+        ("godot-ai", ("--runs", "runs"), "ludus"),
+        ("godot-ai", ("--policies", "policies"), "ludus"),
+        ("godot-ai", ("--once",), "ludus"),
+    ],
+)
+def test_options_of_another_dialect(
+    dialect: str, option: tuple[str, ...], other: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["serve", "--dialect", dialect, *option]) == 2
+    output = capsys.readouterr().err
+    assert f"the dialect {dialect} has no {option[0]}" in output
+    assert f"hint: it is an option of {other}" in output
 
 
 def test_a_folder_must_be_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

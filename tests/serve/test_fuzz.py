@@ -13,9 +13,9 @@ import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from ludus.serve.agents import Agents
-from ludus.serve.godot_ai import GodotAi
-from ludus.serve.project_files import ProjectFiles
+from ludus.serve.godot_ai.agents import Agents
+from ludus.serve.godot_ai.dialect import GodotAi
+from ludus.serve.godot_ai.project_files import ProjectFiles
 from tests.serve.conftest import INIT, REPLAYS, STATES
 
 COMMANDS = ["init", "load", "get_action", "get_batch_actions", "submit_batch_replay", "train",

@@ -13,7 +13,7 @@ import pytest
 
 from ludus.model.inference import ModelRunner
 from ludus.model.json_file import read_model
-from ludus.serve import agents as agents_module
+from ludus.serve.godot_ai import agents as agents_module
 from tests.serve.conftest import INIT, REPLAYS, STATES, Client, Start, replays
 
 DONE = {"done": True}

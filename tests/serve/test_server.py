@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from ludus.errors import RunError, SetupError, TargetError, UsageError
-from ludus.serve.server import POLL_S, Server, ServerConfig
+from ludus.errors import RunError, SetupError, TargetError
+from ludus.serve.godot_ai.server import POLL_S, Server, ServerConfig
 from tests.serve.conftest import DEADLINE_S, INIT, Client, Start, replays
 
 DONE = {"done": True}
@@ -214,10 +214,3 @@ def test_a_folder_that_is_no_game(
     with caplog.at_level(logging.WARNING):
         start(project=tmp_path)
     assert "has no project.godot" in caplog.text
-
-
-@pytest.mark.parametrize("dialect", [None, "godot-rl"])
-def test_other_dialects(start: Start, dialect: str | None) -> None:
-    with pytest.raises(UsageError) as caught:
-        start(dialect=dialect)
-    assert "--dialect godot-ai; others come in later versions" in caught.value.hint

@@ -18,19 +18,22 @@ from tests.wire.strategies import json_values
 from tests.wire.test_fuzz import ODD_VALUES, places, put
 
 GOLDEN = load("result_requests").content["value"]
+GUIDED = load("result_requests_guided").content["value"]
 SET_MODE = {"kind": "set_mode", "policy": "hero", "mode": "frozen"}
 
 
 def test_golden_requests_are_read() -> None:
     assert read_requests(GOLDEN) == GOLDEN
+    assert read_requests(GUIDED) == GUIDED
     assert {request["mode"] for request in GOLDEN if "mode" in request} == set(MODES)
 
 
 def test_the_page_names_every_kind_and_mode() -> None:
     page = (FOLDER.parent / "PROTOCOL.md").read_text(encoding="utf-8")
     table = page[page.index("| kind | what the trainer does |") :]
+    table = table[: table.index("\n\n")]
     kinds = re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)
-    assert list(dict.fromkeys(request["kind"] for request in GOLDEN)) == kinds
+    assert list(dict.fromkeys(request["kind"] for request in GOLDEN + GUIDED)) == kinds
     assert all(f"`{mode}`" in table for mode in MODES)
     assert CAPABILITY in CAPABILITIES
 

@@ -36,7 +36,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "control": ("ludus.cli.control", "switch modes of a running run, save or stop it"),
     "league": ("ludus.cli.league", "let the agents of a run and their past selves play each other"),
     "export": ("ludus.cli.export", "write trained agents as files for games and other runtimes"),
-    "serve": ("ludus.cli.serve", "train for a game that brings its own protocol"),
+    "serve": ("ludus.cli.serve", "wait for games, and train them as they ask for it"),
     "bench": ("ludus.cli.bench", "measure how fast a game steps, and where the time goes"),
     "check": ("ludus.cli.check", "check that a game behaves as an environment"),
     "engine": ("ludus.cli.engine", "install, list and examine game engines"),

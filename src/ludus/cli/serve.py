@@ -1,66 +1,173 @@
-"""``ludus serve``: be the Python side of a game that brings its own protocol."""
+"""``ludus serve``: wait for games, and train them."""
 
 from __future__ import annotations
 
 import logging
 import sys
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from logging.handlers import RotatingFileHandler
 from pathlib import Path
 
+from ludus.disk import disk_errors
+from ludus.errors import UsageError
+
 __all__ = ["COMMAND", "ServeCommand", "run"]
+
+MAX_LOG_BYTES = 1 << 20
 
 
 @dataclass(frozen=True)
 class ServeCommand:
-    """Act and learn for a game that was written for another trainer, and needs no change.
+    """Wait for games, and train them as they ask for it. Ctrl-C saves and stops.
 
-    The game connects to this server as it does to its own. Ctrl-C saves and stops.
+    A game with our add-on and a LudusTraining node speaks the dialect ludus, and starts this
+    command itself. A game that was written for godot-ai needs no change.
 
     Attributes:
-        dialect: What the game speaks: godot-ai.
-        project: Folder of the game. Files that it names are taken from there and from nowhere
-            else; checkpoints are in its AIServerCommFiles/ludus.
-        port: TCP port, reachable from this machine only.
-        seed: Seed of networks and sampling.
+        dialect: What the games speak: ludus or godot-ai.
+        port: TCP port, reachable from this machine only; none is 11011, or 9999 for godot-ai.
+        runs: Folder of the runs; a game names its own in it. None is ./runs.
+        policies: Folder that trained policies are written to for the game; none is the folder
+            policies of the run.
+        once: End when the first game has gone, or if none comes within a minute.
+        project: godot-ai: folder of the game; none is this one. Files that it names are taken from
+            there and from nowhere else; checkpoints are in its AIServerCommFiles/ludus.
+        seed: Seed of new runs whose game names none; none draws one. godot-ai: seed of networks and
+            sampling; none is 0.
         device: PyTorch device, such as cpu or cuda; auto is cuda where there is one.
         torch_threads: Threads PyTorch may use.
-        message_timeout_s: Seconds after which half a message ends a connection.
+        message_timeout_s: Seconds within which a greeting, or with godot-ai the rest of a message,
+            has to come.
+        log: File that gets what happens, beside the terminal.
     """
 
-    dialect: str | None = None
-    project: Path = Path()
-    port: int = 9999
-    seed: int = 0
+    dialect: str = "ludus"
+    port: int | None = None
+    runs: Path | None = None
+    policies: Path | None = None
+    once: bool = False
+    project: Path | None = None
+    seed: int | None = None
     device: str = "auto"
     torch_threads: int = 1
     message_timeout_s: float = 10.0
+    log: Path | None = None
 
 
 COMMAND = ServeCommand
 
+IsStopping = Callable[[], bool]
+
 
 def run(command: ServeCommand) -> int:
-    """Serve; return 128 plus the signal that stopped it."""
-    from ludus.serve.serving import ServeConfig, check_dialect, serve
-    from ludus.train.interrupt import Interrupts
+    """Serve; return 128 plus the signal that stopped it, or 0 if the one game has gone."""
+    check(command)
+    with _log_file(command.log):
+        logging.getLogger("ludus.serve").setLevel(logging.INFO)
+        from ludus.train.interrupt import Interrupts
 
-    check_dialect(command.dialect)
-    logging.getLogger("ludus.serve").setLevel(logging.INFO)
+        with Interrupts() as interrupts:
+            DIALECTS[command.dialect](command, interrupts.is_stopping)
+    return 0 if interrupts.signum is None else 128 + interrupts.signum
 
-    def on_ready(port: int) -> None:
-        where = f"127.0.0.1:{port}"
-        sys.stderr.write(f"serving {command.dialect} games in {command.project} at {where}\n")
-        sys.stderr.flush()
+
+def check(command: ServeCommand) -> None:
+    """Refuse options that do not fit.
+
+    Raises:
+        UsageError: There is no such dialect, or it has no such option.
+    """
+    if command.dialect not in DIALECTS:
+        known = ", ".join(f"--dialect {dialect}" for dialect in DIALECTS)
+        raise UsageError(
+            f"there is no dialect {command.dialect!r}",
+            f"known so far: {known}; others come in later versions",
+        )
+    default = ServeCommand()
+    for name in _NOT_OF[command.dialect]:
+        if getattr(command, name) != getattr(default, name):
+            others = " and ".join(one for one, names in _NOT_OF.items() if name not in names)
+            raise UsageError(
+                f"the dialect {command.dialect} has no --{name}", f"it is an option of {others}"
+            )
+    if command.message_timeout_s <= 0 or command.torch_threads < 1:
+        raise UsageError("--message-timeout-s must be above 0, and --torch-threads at least 1")
+
+
+def _serve_guided(command: ServeCommand, is_stopping: IsStopping) -> None:
+    from ludus.serve.guided.serving import GuidedConfig, serve_guided
+
+    config = GuidedConfig(
+        port=GuidedConfig.port if command.port is None else command.port,
+        runs=command.runs or GuidedConfig.runs,
+        policies=command.policies,
+        is_once=command.once,
+        seed=command.seed,
+        device=command.device,
+        torch_threads=command.torch_threads,
+        hello_timeout_s=command.message_timeout_s,
+    )
+    serve_guided(config, is_stopping, lambda port: _tell_ready(command, config.runs, port))
+
+
+def _serve_godot_ai(command: ServeCommand, is_stopping: IsStopping) -> None:
+    from ludus.serve.godot_ai.serving import ServeConfig, serve
 
     config = ServeConfig(
-        dialect=command.dialect,
-        project=command.project,
-        port=command.port,
-        seed=command.seed,
+        project=command.project or Path(),
+        port=ServeConfig.port if command.port is None else command.port,
+        seed=command.seed or 0,
         device=command.device,
         torch_threads=command.torch_threads,
         message_timeout_s=command.message_timeout_s,
     )
-    with Interrupts() as interrupts:
-        serve(config, interrupts.is_stopping, on_ready)
-    return 128 + (interrupts.signum or 0)
+    serve(config, is_stopping, lambda port: _tell_ready(command, config.project, port))
+
+
+DIALECTS: dict[str, Callable[[ServeCommand, IsStopping], None]] = {
+    "ludus": _serve_guided,
+    "godot-ai": _serve_godot_ai,
+}
+_NOT_OF = {"ludus": ("project",), "godot-ai": ("runs", "policies", "once")}
+"""Options that a dialect does not have."""
+
+
+def _tell_ready(command: ServeCommand, folder: Path, port: int) -> None:
+    logging.getLogger("ludus.serve").debug("listening at 127.0.0.1:%d", port)
+    sys.stderr.write(f"serving {command.dialect} games in {folder} at 127.0.0.1:{port}\n")
+    sys.stderr.flush()
+
+
+@contextmanager
+def _log_file(path: Path | None) -> Generator[None, None, None]:
+    """Write what ``ludus`` logs into a file as well, and the error that ends the command.
+
+    The game that started the command shows the last line of it.
+    """
+    if path is None:
+        yield
+        return
+    with disk_errors(f"the log {path}"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handler = RotatingFileHandler(path, maxBytes=MAX_LOG_BYTES, backupCount=1, encoding="utf-8")
+    handler.setFormatter(_OneLine("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    logger = logging.getLogger("ludus")
+    logger.addHandler(handler)
+    try:
+        yield
+    except Exception as error:
+        record = logger.makeRecord("ludus.serve", logging.ERROR, "", 0, str(error), (), None)
+        handler.handle(record)
+        raise
+    finally:
+        logger.removeHandler(handler)
+        handler.close()
+
+
+class _OneLine(logging.Formatter):
+    """A line for every record, hints behind what they are about."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's own name
+        return super().formatMessage(record).replace("\n", "; ")

@@ -12,7 +12,7 @@ from ludus.pool.engine_pool import EnginePool
 from ludus.session import EngineSession, LaunchOptions, open_session
 from ludus.wire.handshake import EngineConfig
 
-__all__ = ["PoolConfig", "open_pool"]
+__all__ = ["PoolConfig", "open_pool", "spin_us_beside"]
 
 DEFAULT_SPIN_US = 3000
 
@@ -105,10 +105,16 @@ def _engine_config(config: PoolConfig, engine: int) -> EngineConfig:
     )
 
 
+def spin_us_beside(num_engines: int) -> int:
+    """Return how long to look for a message before going to sleep, microseconds.
+
+    Spinning pays where it takes no core from an engine: a sleeper wakes slowly, caches cold.
+    """
+    num_cores = len(allowed_cores() or ()) or os.cpu_count() or 1
+    return DEFAULT_SPIN_US if num_engines < num_cores else 0
+
+
 def _spin_us(config: PoolConfig) -> int:
-    """Spinning pays where it takes no core from an engine: a sleeper wakes slowly, caches cold."""
     if config.spin_us is not None:
         return config.spin_us
-    num_cores = len(allowed_cores() or ()) or os.cpu_count() or 1
-    is_free = config.num_engines < num_cores and not config.launch.is_real_time
-    return DEFAULT_SPIN_US if is_free else 0
+    return 0 if config.launch.is_real_time else spin_us_beside(config.num_engines)

@@ -1,18 +1,4 @@
-"""Serve games that bring their own protocol: they play, Ludus acts and learns.
+"""Serve games that ask for training: a package for each dialect that they speak.
 
-::
-
-    serving         puts all of it together
-    server          sockets, threads, deadlines
-    godot_ai        the dialect: a table from command to what answers it
-    agents          all agents of a project, and when they are saved
-    checkpoints     what is saved, under which name
-    agent           one agent: SAC over one vector
-    transitions     from what a game submits to what SAC learns from
-    project_files   files of the project, and no others
-    json_stream     from bytes to messages, without input or output
-    fields          from messages to typed values
-    godot_json      JSON as Godot writes it
-
-Each imports only those below it.
+``guided`` is for games with our add-on, ``godot_ai`` for games that were written for godot-ai.
 """

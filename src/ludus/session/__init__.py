@@ -5,7 +5,8 @@ implements it can be trained.
 """
 
 from ludus.session.engine_session import EngineSession
+from ludus.session.guided_session import GuidedSession
 from ludus.session.interface import Session
 from ludus.session.opening import LaunchOptions, open_session
 
-__all__ = ["EngineSession", "LaunchOptions", "Session", "open_session"]
+__all__ = ["EngineSession", "GuidedSession", "LaunchOptions", "Session", "open_session"]

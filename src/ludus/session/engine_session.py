@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Generator, Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 from ludus.batch import ActionBatch, Batches, StepTimes
 from ludus.errors import (
@@ -21,6 +21,7 @@ from ludus.link import Link, LinkClosed
 from ludus.session.finite import check_finite
 from ludus.session.supervision import Supervision
 from ludus.spec import PolicySpec, Spec
+from ludus.wire.error_report import error_report
 from ludus.wire.frames import FrameType, decode_json, encode_frame, encode_json
 from ludus.wire.handshake import EngineConfig, Hello, welcome
 from ludus.wire.requests import CAPABILITY as REQUESTS
@@ -30,11 +31,12 @@ from ludus.wire.spec_reader import read_spec
 from ludus.wire.state import ConnectionState, State
 from ludus.wire.step import BatchDecoder, StepEncoder
 
-__all__ = ["EngineSession"]
+__all__ = ["BRIDGE", "EngineSession"]
 
 _ENDINGS = (FrameType.ERROR, FrameType.CLOSE)
 _GOODBYE_S = 1.0
-_BRIDGE = {"bridge": True}
+BRIDGE = {"bridge": True}
+"""Target of calls of the add-on's own methods (PROTOCOL.md §8)."""
 
 
 class EngineSession:
@@ -53,6 +55,9 @@ class EngineSession:
         EngineError: The engine died, froze or broke the protocol.
     """
 
+    _more_capabilities: ClassVar[frozenset[str]] = frozenset()
+    """What this kind of session agrees to beside what all do."""
+
     def __init__(
         self,
         link: Link,
@@ -69,7 +74,7 @@ class EngineSession:
         try:
             self._hello = Hello.from_json(self._receive_json(FrameType.HELLO))
             version = self._agree(token)
-            answer = welcome(version, self._hello, config, token)
+            answer = welcome(version, self._hello, config, token, self._more_capabilities)
             self._send(FrameType.WELCOME, encode_json(FrameType.WELCOME, answer))
             self._spec = read_spec(self._receive_json(FrameType.SPEC))
         except EngineTimeout as error:
@@ -77,6 +82,9 @@ class EngineSession:
                 f"the game did not tell its spec in time: {error.message}",
                 hint="its scene may hang in a loop; if loading takes long, raise start_timeout_s",
             ) from error
+        except LudusError as error:
+            self.fail(error)
+            raise
         except BaseException:
             self.close()
             raise
@@ -84,8 +92,9 @@ class EngineSession:
         self._encoder = StepEncoder(self._spec)
         self._decoder = BatchDecoder(self._spec)
         link.timeout_s = step_timeout_s
+        self._spin_s = config.spin_us * 1e-6
         if config.spin_us:
-            link.spin(config.spin_us * 1e-6)
+            link.spin(self._spin_s)
 
     @property
     def spec(self) -> Spec:
@@ -207,7 +216,7 @@ class EngineSession:
         """
         if not self.has_requests:
             return []
-        value = self.call(_BRIDGE, "take_requests")
+        value = self.call(BRIDGE, "take_requests")
         with self._explained():
             requests = read_requests(value)
         self._decoder.has_requests = False
@@ -226,12 +235,18 @@ class EngineSession:
             EngineError: The engine failed.
         """
         if REQUESTS in self._hello.capabilities:
-            self.call(_BRIDGE, "show_status", [dict(status)])
+            self.call(BRIDGE, "show_status", [dict(status)])
 
     def ping(self, payload: bytes = b"") -> bytes:
         """Send bytes and wait until they come back."""
         self._send(FrameType.PING, encode_frame(FrameType.PING, payload))
         return self._receive()
+
+    def fail(self, error: LudusError) -> None:
+        """Tell the game why the conversation ends, and end it; without effect once it has ended."""
+        report = error_report(error)
+        self._refuse(report["code"], report["message"], report["hint"])
+        self.close()
 
     def close(self) -> None:
         """Say goodbye and end the engine; may be called twice."""
@@ -317,6 +332,6 @@ class EngineSession:
             self._refuse("frame", error.message)
             self.close()
             raise
-        except LudusError:
-            self.close()
+        except LudusError as error:
+            self.fail(error)
             raise

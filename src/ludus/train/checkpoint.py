@@ -6,6 +6,8 @@
         tensors.safetensors     every tensor, "<policy>/<name>", past selves "@league/…"
         replay.safetensors      replay buffers, in the newest checkpoint only
         state.json              all the rest, and the hashes of the tensors
+    checkpoints/update-000000001000/
+                                the same, kept for ever; ``keep_every_updates``
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ import logging
 import os
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -181,14 +183,14 @@ def check_spec(
 
 
 class CheckpointStore:
-    """The checkpoints of one run: the newest ones, and the best one besides."""
+    """The checkpoints of one run: the newest ones, the best one, and those to keep for ever."""
 
     def __init__(self, folder: Path, keep: int) -> None:
         self.folder = folder
         self._keep = keep
 
     def paths(self) -> list[Path]:
-        """Return checkpoint folders, oldest first."""
+        """Return checkpoint folders, oldest first, without those to keep for ever."""
         return sorted(self.folder.glob("step-*"))
 
     def write(self, checkpoint: Checkpoint) -> Path:
@@ -197,6 +199,16 @@ class CheckpointStore:
         if not path.exists():  # nothing was learnt since a checkpoint of the same step
             write_checkpoint(path, checkpoint)
             self._prune()
+        return path
+
+    def keep(self, checkpoint: Checkpoint, updates: int) -> Path:
+        """Save a checkpoint that is never dropped, without replay buffers."""
+        path = self.folder / f"update-{updates:012d}"
+        if not path.exists():
+            learners = {
+                name: replace(learner, replay={}) for name, learner in checkpoint.learners.items()
+            }
+            write_checkpoint(path, replace(checkpoint, learners=learners))
         return path
 
     def newest(self, *, has_replay: bool = False) -> tuple[Path, Checkpoint]:

@@ -87,6 +87,8 @@ class TrainConfig:
         checkpoint_every_s: Seconds between checkpoints; none leaves it to checkpoint_every_updates.
         checkpoint_every_updates: Updates between checkpoints; none leaves it to checkpoint_every_s.
         keep_checkpoints: Newest checkpoints to keep; the best one is kept besides.
+        keep_every_updates: Updates between checkpoints that are kept for ever, besides; none keeps
+            no such ones.
         exact_resume: Reset all worlds after each checkpoint, so that a resumed run repeats an
             uninterrupted one to the bit where the engine is deterministic. Cuts episodes short,
             and needs checkpoint_every_updates, as clocks are not deterministic.
@@ -126,6 +128,7 @@ class TrainConfig:
     checkpoint_every_s: float | None = 15.0
     checkpoint_every_updates: int | None = None
     keep_checkpoints: int = 3
+    keep_every_updates: int | None = None
     exact_resume: bool = False
     evaluation_episodes: int = 20
     runs: Path = Path("runs")
@@ -150,6 +153,7 @@ class TrainConfig:
             "ticks_per_step",
             "max_episode_steps",
             "checkpoint_every_updates",
+            "keep_every_updates",
             "alternate_every",
         ):
             value = getattr(self, name)

@@ -6,6 +6,12 @@ A request is a JSON object, the same in both ways (PROTOCOL.md §8)::
     {"kind": "save"}
     {"kind": "stop"}
 
+and of a game that guides its training, which ``ludus serve`` obeys::
+
+    {"kind": "start"}
+    {"kind": "play_round"}
+    {"kind": "write_policies"}
+
 A file holds one request; it is written under another name and renamed, read in the order of names,
 and removed when it has been read.
 """
@@ -22,10 +28,12 @@ from pathlib import Path
 from typing import Any, cast
 
 from ludus.disk import disk_errors, write_atomically
+from ludus.errors import UsageError
 from ludus.train.policy_config import Mode
 
-__all__ = ["MODES", "Request", "SaveRequest", "SetMode", "StopRequest", "read_request",
-           "send_request", "take_requests"]  # fmt: skip
+__all__ = ["MODES", "PlayRound", "Request", "SaveRequest", "SetMode", "StartRequest",
+           "StopRequest", "WritePolicies", "parse_request", "read_request", "send_request",
+           "take_requests"]  # fmt: skip
 
 MAX_BYTES = 4096
 MODES: tuple[Mode, ...] = typing.get_args(Mode)
@@ -63,25 +71,69 @@ class StopRequest:
         return {"kind": "stop"}
 
 
-Request = SetMode | SaveRequest | StopRequest
+@dataclass(frozen=True)
+class StartRequest:
+    """Train until told to stop."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the request as JSON values."""
+        return {"kind": "start"}
 
 
-def read_request(values: Mapping[str, Any], policies: Iterable[str]) -> Request | None:
-    """Return what ``values`` ask for; None, with a warning, if that is nothing we know."""
+@dataclass(frozen=True)
+class PlayRound:
+    """Play one episode in every world with the most probable actions; nothing learns."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the request as JSON values."""
+        return {"kind": "play_round"}
+
+
+@dataclass(frozen=True)
+class WritePolicies:
+    """Write every policy as a file for the game."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the request as JSON values."""
+        return {"kind": "write_policies"}
+
+
+Request = SetMode | SaveRequest | StopRequest | StartRequest | PlayRound | WritePolicies
+
+_SIMPLE: dict[str, Request] = {
+    str(request.to_json()["kind"]): request
+    for request in (SaveRequest(), StopRequest(), StartRequest(), PlayRound(), WritePolicies())
+}
+
+
+def parse_request(values: Mapping[str, Any], policies: Iterable[str]) -> Request:
+    """Return what ``values`` ask for.
+
+    Raises:
+        UsageError: That is nothing we know, or there is no such policy.
+    """
     known = list(policies)
     match values:
         case {"kind": "set_mode", "policy": str(policy), "mode": str(mode)}:
             if policy in known and mode in MODES:
                 return SetMode(policy, mode)
-        case {"kind": "save"}:
-            return SaveRequest()
-        case {"kind": "stop"}:
-            return StopRequest()
+        case {"kind": str(kind)} if kind in _SIMPLE:
+            return _SIMPLE[kind]
         case _:
             pass
     text = json.dumps(values, default=str)[:200]
-    log.warning("request left out: %s; policies: %s; modes: %s", text, known, MODES)
-    return None
+    raise UsageError(
+        f"request left out: {text}", f"policies: {', '.join(known)}; modes: {', '.join(MODES)}"
+    )
+
+
+def read_request(values: Mapping[str, Any], policies: Iterable[str]) -> Request | None:
+    """Return what ``values`` ask for; None, with a warning, if that is nothing we know."""
+    try:
+        return parse_request(values, policies)
+    except UsageError as error:
+        log.warning("%s; %s", error.message, error.hint)
+        return None
 
 
 def send_request(folder: Path, request: Request) -> Path:

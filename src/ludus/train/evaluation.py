@@ -15,7 +15,7 @@ from ludus.train.episodes import EpisodeTracker
 from ludus.train.learners import policy_seed
 from ludus.train.policy import Player, Policy
 
-__all__ = ["Evaluation", "evaluate", "seeded_generator"]
+__all__ = ["Evaluation", "Quota", "evaluate", "seeded_generator"]
 
 MAX_STEPS = 100_000
 """Steps after which an evaluation gives up waiting for episodes to end."""
@@ -61,10 +61,18 @@ class Evaluation:
         )
 
 
-class _Quota:
+class Quota:
     """Counts the first episodes of each slot, a number fixed beforehand.
 
     Taking whichever episodes end first would favour short ones.
+
+    Args:
+        first: What a reset brought.
+        num_episodes: Episodes to count, spread evenly over the slots that are active.
+
+    Attributes:
+        returns: Of the episodes counted so far.
+        lengths: Their agent steps.
     """
 
     def __init__(self, first: Batch, num_episodes: int) -> None:
@@ -82,9 +90,11 @@ class _Quota:
 
     @property
     def is_met(self) -> bool:
+        """Whether all episodes have been counted."""
         return not self._left.any()
 
     def record(self, batch: Batch) -> None:
+        """Take what a step of all engines brought."""
         ended = self._tracker.record(self._rows, batch)
         if not len(ended):
             return
@@ -127,7 +137,7 @@ def evaluate(
         for name, policy in policies.items()
     }
     batches = pool.reset(seed)
-    quotas = {name: _Quota(batches[name], episodes) for name in policies}
+    quotas = {name: Quota(batches[name], episodes) for name in policies}
     for _ in range(MAX_STEPS):
         if all(quota.is_met for quota in quotas.values()):
             break

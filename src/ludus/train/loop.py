@@ -28,7 +28,7 @@ from ludus.train.run_folder import RunFolder
 from ludus.train.source import open_source
 from ludus.train.trainer import Trainer
 
-__all__ = ["Configure", "train"]
+__all__ = ["Configure", "complete", "log_file", "train", "write_result"]
 
 log = logging.getLogger(__name__)
 
@@ -65,7 +65,7 @@ def train(
     reporter = reporter or SilentReporter()
     folder = RunFolder.find(resume) if resume else RunFolder.create(config)
     try:
-        with folder.locked(), _pool_for(config, pool, folder) as source, _log_file(folder):
+        with folder.locked(), _pool_for(config, pool, folder) as source, log_file(folder):
             config = complete(configure(source.policies) if configure else config, source.policies)
             return _train_in(source, config, folder, resume is not None, reporter)
     except UsageError:
@@ -103,16 +103,16 @@ def _train_in(
         with Interrupts() as interrupts:
             stop_reason = trainer.run(interrupts.is_stopping, reporter)
     except DivergenceError:
-        _write_result(trainer, folder, "diverged")
+        write_result(trainer, folder, "diverged")
         raise
-    _write_result(trainer, folder, stop_reason)
+    write_result(trainer, folder, stop_reason)
     title = f"{config.target or folder.path.name}"
     draw_learning_curve(folder.metrics, folder.learning_curve, title)
     evaluation: dict[str, Evaluation] = {}
     if stop_reason != "interrupted" and config.evaluation_episodes:
         reporter.evaluating(config.evaluation_episodes)
         evaluation = _evaluate(learners, pool, config, folder)
-        _write_result(trainer, folder, stop_reason, evaluation)
+        write_result(trainer, folder, stop_reason, evaluation)
     return RunResult(
         run=folder.path,
         stop_reason=stop_reason,
@@ -125,7 +125,7 @@ def _train_in(
     )
 
 
-def _write_result(
+def write_result(
     trainer: Trainer,
     folder: RunFolder,
     stop_reason: str,
@@ -168,7 +168,7 @@ def _pool_for(
 
 
 @contextmanager
-def _log_file(folder: RunFolder) -> Generator[None, None, None]:
+def log_file(folder: RunFolder) -> Generator[None, None, None]:
     """Send what ``ludus`` logs to ``train.log`` as well."""
     handler = logging.FileHandler(folder.path / "train.log", encoding="utf-8", delay=True)
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))

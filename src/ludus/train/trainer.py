@@ -13,10 +13,10 @@ from torch import Tensor
 
 from ludus.errors import DivergenceError, EngineError
 from ludus.pool.interface import Pool
+from ludus.train.attendant import Attendant, RunAttendant
 from ludus.train.checkpoint import Checkpoint, write_checkpoint
 from ludus.train.collect import Collector, CollectTimes
 from ludus.train.config import TrainConfig
-from ludus.train.control import SaveRequest, SetMode, StopRequest, read_request, take_requests
 from ludus.train.episodes import EpisodeTracker
 from ludus.train.layers import to_plain
 from ludus.train.league import League
@@ -35,9 +35,6 @@ __all__ = ["Trainer"]
 
 log = logging.getLogger(__name__)
 
-STATUS_EVERY_S = 0.5
-"""Seconds of training between two reports to the games."""
-
 SPEED_MEMORY = 0.9
 """Weight of the past in the speed that progress shows."""
 
@@ -45,7 +42,7 @@ SPEED_MEMORY = 0.9
 class Trainer:
     """All that changes while a run goes on.
 
-    Call :meth:`resume` or not, then :meth:`run`.
+    Call :meth:`resume` or not, then :meth:`run`, which may be called again to go on.
 
     Attributes:
         updates: Updates so far.
@@ -72,7 +69,7 @@ class Trainer:
         self._store = folder.checkpoints(config.keep_checkpoints)
         self._steps_per_s = 0.0
         self._saved_at_s, self._saved_at_update = 0.0, 0
-        self._status_at_s = 0.0
+        self._has_begun = False
 
     def _make_seat(self, learner: Learner) -> Seat:
         name = learner.policy.spec.name
@@ -93,8 +90,21 @@ class Trainer:
             if tracker.returns
         }
 
+    def status(self) -> dict[str, Any]:
+        """Return what games are told of the run (PROTOCOL.md §8)."""
+        returns = self.mean_returns()
+        policies = {
+            name: {"mode": seat.mode, "mean_return": returns.get(name)}
+            for name, seat in self._seats.items()
+        }
+        return {"agent_steps": self.agent_steps, "updates": self.updates, "policies": policies}
+
     def resume(self, checkpoint: Checkpoint) -> None:
-        """Take everything from a checkpoint but the worlds, which begin new episodes."""
+        """Take everything from a checkpoint but the worlds, which begin new episodes.
+
+        Raises:
+            CheckpointError: It does not fit the networks.
+        """
         for name, learner in self._learners.items():
             learner.load_state(checkpoint.learners[name])
             self._trackers[name].load_state(checkpoint.run["episodes"][name])
@@ -102,7 +112,7 @@ class Trainer:
         if self._league is not None and "league" in checkpoint.run:
             self._league.load_state(checkpoint.league, checkpoint.run["league"])
         for name, mode in self._changed_modes(checkpoint).items():
-            self._set_mode(name, mode)
+            self.set_mode(name, mode)
         self._note_learning()
         self.updates = int(checkpoint.run["updates"])
         self.wall_s = float(checkpoint.run["wall_s"])
@@ -118,42 +128,67 @@ class Trainer:
             if settings.mode != before[name]["mode"]
         }
 
-    def run(self, is_stopping: Callable[[], bool], reporter: Reporter) -> StopReason:
-        """Train until a limit of the config is reached or ``is_stopping`` says so.
+    def begin(self) -> None:
+        """Put every policy into its first mode; :meth:`run` does it otherwise."""
+        if self.updates == 0 and not self._has_begun:
+            self._advance()
+        self._has_begun = True
+
+    def run(
+        self,
+        is_stopping: Callable[[], bool],
+        reporter: Reporter,
+        attendant: Attendant | None = None,
+    ) -> StopReason:
+        """Train until a limit of the config is reached or somebody says so.
 
         The last state is saved on every way out but a hard one, and but divergence, which is
         saved elsewhere.
+
+        Args:
+            is_stopping: Asked before each step.
+            reporter: Is told how it goes.
+            attendant: Looks after the games; None: as ``ludus train`` does.
+
+        Raises:
+            DivergenceError: A loss became NaN or infinite.
+            EngineError: An engine failed for good.
+            RunError: A file cannot be written.
         """
-        if self.updates == 0:
-            self._advance()
-        self._save()
+        self.begin()
+        self.save()
+        attendant = attendant or RunAttendant(self, self._pool, self._folder.control)
         metrics = MetricsLog(self._folder.path, self.agent_steps)
         try:
             self._reset()
-            reason = self._loop(is_stopping, reporter, metrics)
+            reason = self._loop(is_stopping, reporter, attendant, metrics)
         except DivergenceError as error:
             raise self._save_diverged(error) from None
         except EngineError:
-            self._save()
+            self.save()
             raise
         finally:
             metrics.close()
-        self._save()
+        self.save()
         return reason
 
     def _loop(
-        self, is_stopping: Callable[[], bool], reporter: Reporter, metrics: MetricsLog
+        self,
+        is_stopping: Callable[[], bool],
+        reporter: Reporter,
+        attendant: Attendant,
+        metrics: MetricsLog,
     ) -> StopReason:
         while (reason := self._reason_to_stop()) is None:
             start, steps_before = time.perf_counter(), self.agent_steps
             times = self._times()
-            is_complete = self._collector.collect(is_stopping)
+            interruption = self._collect(is_stopping, attendant)
             update_start = time.perf_counter()
-            losses = self._update() if is_complete else {}
+            losses = self._update() if interruption is None else {}
             end = time.perf_counter()
             self.wall_s += end - start
-            if not is_complete:
-                return "interrupted"
+            if interruption is not None:
+                return interruption
             shares = self._shares(times, end - update_start, end - start)
             speed = (self.agent_steps - steps_before) / (end - start)
             policies = {name: self._policy_metrics(name, losses) for name in self._learners}
@@ -161,13 +196,26 @@ class Trainer:
             reporter.updated(self._progress(speed, policies))
             self._advance()
             if self._is_time_to_save():
-                self._save()
+                self.save()
                 if self._config.exact_resume:
                     self._reset()
-            if self._obey():
+            self._keep()
+            if attendant.attend():
                 return "stopped"
-            self._show_status()
         return reason
+
+    def _collect(self, is_stopping: Callable[[], bool], attendant: Attendant) -> StopReason | None:
+        """Step until a learner is due to update; return why that was not reached, or None."""
+
+        def is_pausing() -> bool:
+            return is_stopping() or attendant.is_needed()
+
+        while not self._collector.collect(is_pausing):
+            if is_stopping():
+                return "interrupted"
+            if attendant.attend():
+                return "stopped"
+        return None
 
     def _reset(self) -> None:
         """Begin new episodes, in worlds that depend on the seed and the update only."""
@@ -193,11 +241,15 @@ class Trainer:
         """Begin what is due after an update: a phase of the schedule, other opponents."""
         if self._schedule.is_change(self.updates):
             for name, mode in self._schedule.at(self.updates).items():
-                self._set_mode(name, mode)
+                self.set_mode(name, mode)
         if self._league is not None:
             self._league.advance(self.updates)
 
-    def _set_mode(self, policy: str, mode: Mode) -> None:
+    def set_mode(self, policy: str, mode: Mode) -> None:
+        """Put a policy into another mode; never while engines are in a step.
+
+        What it has collected and not learnt from yet is dropped.
+        """
         if self._seats[policy].mode != mode:
             log.info("policy %s: %s, after %d updates", policy, mode, self.updates)
             self._seats[policy].set_mode(mode)
@@ -207,35 +259,6 @@ class Trainer:
         if self._league is not None:
             learning = (name for name, seat in self._seats.items() if seat.mode == "train")
             self._league.learning = frozenset(learning)
-
-    def _obey(self) -> bool:
-        """Do what game and control folder ask for; return whether that is to stop."""
-        wishes = [*self._pool.take_requests(), *take_requests(self._folder.control)]
-        is_stopping = False
-        for wish in wishes:
-            match read_request(wish, self._seats):
-                case SetMode(policy, mode):
-                    self._set_mode(policy, mode)
-                case SaveRequest():
-                    self._save()
-                case StopRequest():
-                    is_stopping = True
-                case None:
-                    pass
-        return is_stopping
-
-    def _show_status(self) -> None:
-        """Tell the games how it goes, once in a while."""
-        if self.wall_s - self._status_at_s < STATUS_EVERY_S:
-            return
-        self._status_at_s = self.wall_s
-        returns = self.mean_returns()
-        policies = {
-            name: {"mode": seat.mode, "mean_return": returns.get(name)}
-            for name, seat in self._seats.items()
-        }
-        status = {"agent_steps": self.agent_steps, "updates": self.updates, "policies": policies}
-        self._pool.show_status(status)
 
     def _reason_to_stop(self) -> StopReason | None:
         config = self._config
@@ -310,10 +333,22 @@ class Trainer:
         is_time = every_s is not None and self.wall_s - self._saved_at_s >= every_s
         return is_time or (every is not None and self.updates - self._saved_at_update >= every)
 
-    def _save(self) -> None:
+    def save(self) -> None:
+        """Write a checkpoint, unless one of the same step is there.
+
+        Raises:
+            RunError: The disk is full, or the folder may not be written to.
+        """
         path = self._store.write(self._checkpoint())
         self._saved_at_s, self._saved_at_update = self.wall_s, self.updates
         log.debug("saved %s", path)
+
+    def _keep(self) -> None:
+        """Write a checkpoint that stays for ever, if it is time for one."""
+        every = self._config.keep_every_updates
+        if every is not None and self.updates % every == 0:
+            path = self._store.keep(self._checkpoint(), self.updates)
+            log.debug("saved %s", path)
 
     def _save_diverged(self, error: DivergenceError) -> DivergenceError:
         path = self._folder.diverged

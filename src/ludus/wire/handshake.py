@@ -55,6 +55,8 @@ class Hello:
         addon: Version of the add-on.
         capabilities: Features it has.
         token: Secret shared with the trainer, empty on loopback.
+        training: What a game that guides its training says of it, unread JSON; None if it does not.
+            See :func:`ludus.wire.training.read_training`.
     """
 
     protocol: tuple[int, int]
@@ -62,6 +64,7 @@ class Hello:
     addon: str
     capabilities: frozenset[str]
     token: str = field(repr=False, default="")
+    training: Any = None
 
     @classmethod
     def from_json(cls, value: Mapping[str, Any]) -> Hello:
@@ -83,6 +86,7 @@ class Hello:
                 addon=str(value["addon"]),
                 capabilities=frozenset(str(item) for item in capabilities),
                 token=str(value.get("token", "")),
+                training=value.get("training"),
             )
         except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise ProtocolError(f"malformed HELLO: {error!r}") from error
@@ -113,14 +117,28 @@ class Hello:
         )
 
 
-def welcome(version: int, hello: Hello, config: EngineConfig, token: str = "") -> dict[str, Any]:
-    """Return the answer to a ``HELLO``."""
+def welcome(
+    version: int,
+    hello: Hello,
+    config: EngineConfig,
+    token: str = "",
+    more: frozenset[str] = frozenset(),
+) -> dict[str, Any]:
+    """Return the answer to a ``HELLO``.
+
+    Args:
+        version: What was agreed on.
+        hello: The greeting.
+        config: What to ask of the engine.
+        token: Secret shared with the engine.
+        more: Capabilities that only this conversation has, beside :data:`CAPABILITIES`.
+    """
     from ludus.version import __version__
 
     return {
         "protocol": version,
         "client": f"ludus {__version__}",
-        "capabilities": sorted(hello.capabilities & CAPABILITIES),
+        "capabilities": sorted(hello.capabilities & (CAPABILITIES | more)),
         "token": token,
         "config": config.to_json(),
     }

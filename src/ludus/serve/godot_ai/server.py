@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from ludus.errors import EngineTimeout, LudusError, ProtocolError, SetupError
-from ludus.serve.json_stream import JsonStream
+from ludus.serve.godot_ai.json_stream import JsonStream
 
 __all__ = ["Dialect", "Server", "ServerConfig"]
 

@@ -10,16 +10,15 @@ from pathlib import Path
 import torch
 
 from ludus.engine.locks import LockHeld, file_lock
-from ludus.errors import RunError, TargetError, UsageError
-from ludus.serve.agents import Agents
-from ludus.serve.godot_ai import GodotAi
-from ludus.serve.project_files import ProjectFiles
-from ludus.serve.server import Server, ServerConfig
+from ludus.errors import RunError, TargetError
+from ludus.serve.godot_ai.agents import Agents
+from ludus.serve.godot_ai.dialect import GodotAi
+from ludus.serve.godot_ai.project_files import ProjectFiles
+from ludus.serve.godot_ai.server import Server, ServerConfig
 from ludus.train.device import choose_device
 
-__all__ = ["DIALECTS", "ServeConfig", "serve"]
+__all__ = ["ServeConfig", "serve"]
 
-DIALECTS = ("godot-ai",)
 LOCK_TIMEOUT_S = 0.0
 
 log = logging.getLogger(__name__)
@@ -30,7 +29,6 @@ class ServeConfig:
     """What to serve.
 
     Attributes:
-        dialect: What the game speaks.
         project: Folder that the game runs in.
         port: TCP port on the loopback address; 0 takes a free one.
         seed: Of networks and sampling.
@@ -39,7 +37,6 @@ class ServeConfig:
         message_timeout_s: How long a client may take for the rest of a message.
     """
 
-    dialect: str | None
     project: Path
     port: int = 9999
     seed: int = 0
@@ -59,12 +56,10 @@ def serve(
         on_ready: Called with the port, once clients can connect.
 
     Raises:
-        UsageError: There is no such dialect.
         TargetError: There is no such folder.
         SetupError: The port is taken.
         RunError: Another server serves this project, or checkpoints cannot be written.
     """
-    check_dialect(config.dialect)
     if not config.project.is_dir():
         raise TargetError(
             f"there is no folder {config.project}", "--project names the folder of the game"
@@ -84,16 +79,3 @@ def serve(
         raise RunError(
             f"another ludus serve serves {config.project}", "end that one, or use it"
         ) from None
-
-
-def check_dialect(name: str | None) -> None:
-    """Refuse a dialect that is not spoken here.
-
-    Raises:
-        UsageError: It is none of :data:`DIALECTS`.
-    """
-    if name in DIALECTS:
-        return
-    known = ", ".join(f"--dialect {dialect}" for dialect in DIALECTS)
-    what = "no dialect was named" if name is None else f"there is no dialect {name!r}"
-    raise UsageError(what, f"known so far: {known}; others come in later versions")

@@ -11,8 +11,8 @@ import torch
 from numpy.typing import NDArray
 
 from ludus.errors import GameError, LudusError
-from ludus.serve.agent import ENTRY, Agent
-from ludus.serve.fields import Fields, as_finite, as_numbers, short
+from ludus.serve.godot_ai.agent import ENTRY, Agent
+from ludus.serve.godot_ai.fields import Fields, as_finite, as_numbers, short
 from ludus.train.replay import Sample
 from ludus.train.tensors import as_tensor
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from ludus.disk import disk_errors
 from ludus.errors import CheckpointError
-from ludus.serve.agent import Agent
+from ludus.serve.godot_ai.agent import Agent
 from ludus.train.checkpoint import (
     Checkpoint,
     CheckpointStore,

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ludus.errors import GameError, LudusError, ProtocolError
-from ludus.serve.agent import AgentSettings
-from ludus.serve.agents import Agents
-from ludus.serve.fields import Fields, as_numbers, short
-from ludus.serve.project_files import ProjectFiles
-from ludus.serve.transitions import read_replays, unknown_agent
+from ludus.serve.godot_ai.agent import AgentSettings
+from ludus.serve.godot_ai.agents import Agents
+from ludus.serve.godot_ai.fields import Fields, as_numbers, short
+from ludus.serve.godot_ai.project_files import ProjectFiles
+from ludus.serve.godot_ai.transitions import read_replays, unknown_agent
 
 __all__ = ["GodotAi"]
 

@@ -11,9 +11,9 @@ import torch
 
 from ludus.errors import CheckpointError, DivergenceError, LudusError
 from ludus.model.json_file import write_model
-from ludus.serve.agent import Agent, AgentSettings
-from ludus.serve.checkpoints import AgentCheckpoints
-from ludus.serve.project_files import ProjectFiles
+from ludus.serve.godot_ai.agent import Agent, AgentSettings
+from ludus.serve.godot_ai.checkpoints import AgentCheckpoints
+from ludus.serve.godot_ai.project_files import ProjectFiles
 from ludus.train.export.convert import to_model
 from ludus.train.tensors import to_numbers
 

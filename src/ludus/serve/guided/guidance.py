@@ -1,0 +1,231 @@
+"""What is done for a game that guides its training: stand by, train, play a round."""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from ludus.disk import disk_errors
+from ludus.errors import LudusError, UsageError
+from ludus.model.json_file import write_model
+from ludus.pool.interface import Pool
+from ludus.serve.guided.game_run import GameRun
+from ludus.serve.guided.rounds import play_round
+from ludus.session import GuidedSession
+from ludus.train.control import (
+    PlayRound,
+    Request,
+    SaveRequest,
+    SetMode,
+    StartRequest,
+    StopRequest,
+    WritePolicies,
+    parse_request,
+    take_requests,
+)
+from ludus.train.export.convert import to_model
+from ludus.train.export.places import place_files
+from ludus.train.progress import SilentReporter, StopReason
+
+__all__ = ["Game", "Guidance", "State"]
+
+POLL_S = 0.05
+STATUS_EVERY_S = 0.5
+ROUND_SEED = 1_000_003
+"""How far the worlds of rounds are from those of training."""
+
+State = Literal["standby", "training", "playing", "ended"]
+"""What goes on: nothing, training, a round; ``ended`` is the run of a game that does not guide."""
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Game:
+    """The game at the other end.
+
+    Attributes:
+        session: The conversation.
+        pool: The same, as training sees it.
+    """
+
+    session: GuidedSession
+    pool: Pool
+
+
+class Guidance:
+    """Does for one game what it asks for, and tells it how that goes.
+
+    It is the trainer's :class:`~ludus.train.attendant.Attendant`, too. A game that does not guide
+    its training is trained from the start until it says stop.
+
+    Args:
+        game: The game.
+        run: Its run.
+        policies: Folder for its policies; None: in that of the run.
+    """
+
+    def __init__(self, game: Game, run: GameRun, policies: Path | None) -> None:
+        self._session = game.session
+        self._pool = game.pool
+        self._run = run
+        self._policies_folder = policies or run.policies_folder
+        self._rest: State = "standby" if game.session.is_guided else "ended"
+        self._state: State = self._rest if game.session.is_guided else "training"
+        self._next: State = self._state
+        self._after_round: State = self._rest
+        self._message = run.message
+        self._told_once: dict[str, Any] = {}
+        self._status_due_at = 0.0
+        self._num_rounds = 0
+
+    def conduct(self, is_stopping: Callable[[], bool]) -> StopReason:
+        """Do what the game asks for until ``is_stopping``, or until its run has ended.
+
+        Raises:
+            EngineError: The game has gone, or made a mistake. What was learnt is saved.
+            DivergenceError: A loss became NaN or infinite.
+            RunError: A file cannot be written.
+        """
+        log.info("%s", self._message)
+        while not is_stopping() and self._next != "ended":
+            self._enter(self._next)
+            match self._state:
+                case "training":
+                    self._train(is_stopping)
+                case "playing":
+                    self._play(is_stopping)
+                case _:
+                    self._stand_by(is_stopping)
+        return "interrupted" if is_stopping() else "stopped"
+
+    def is_needed(self) -> bool:
+        """Return whether the game asks for something, or waits for a report."""
+        return self._session.has_requests or time.monotonic() >= self._status_due_at
+
+    def attend(self) -> bool:
+        """Obey and report; return whether what goes on has to end."""
+        wishes = [*self._session.take_requests(), *take_requests(self._run.folder.control)]
+        for wish in wishes:
+            self._obey(wish)
+        if self._next == self._state and (wishes or time.monotonic() >= self._status_due_at):
+            self._show_status()
+        return self._next != self._state
+
+    # --- states ---------------------------------------------------------------------------------
+
+    def _enter(self, state: State) -> None:
+        if state != self._state:
+            log.info("%s, at %d agent steps", state, self._run.trainer.agent_steps)
+        self._state = state
+        self._show_status()
+        if state == "standby":
+            self._session.stand_by()
+
+    def _stand_by(self, is_stopping: Callable[[], bool]) -> None:
+        while not is_stopping() and not self.attend():
+            time.sleep(POLL_S)
+
+    def _train(self, is_stopping: Callable[[], bool]) -> None:
+        trainer = self._run.trainer
+        trainer.run(is_stopping, SilentReporter(), self)
+        self._say(f"saved checkpoint at {trainer.agent_steps} steps")
+
+    def _play(self, is_stopping: Callable[[], bool]) -> None:
+        policies = {name: learner.policy for name, learner in self._run.learners.items()}
+        self._num_rounds += 1
+        seed = (self._run.config.seed or 0) + ROUND_SEED * self._num_rounds
+        score = play_round(policies, self._pool, seed, lambda: is_stopping() or self._is_leaving())
+        if score is not None:
+            self._told_once["round"] = score
+            self._say("played a round")
+            self._next = self._after_round
+
+    def _is_leaving(self) -> bool:
+        return self.is_needed() and self.attend()
+
+    # --- requests -------------------------------------------------------------------------------
+
+    def _obey(self, wish: Any) -> None:
+        try:
+            self._do(parse_request(wish, self._pool.policies))
+        except LudusError as error:
+            self._warn(f"{error.message} ({error.hint})" if error.hint else error.message)
+
+    def _do(self, request: Request) -> None:
+        """Do what a request asks for, or note it as what comes next.
+
+        Raises:
+            LudusError: It cannot be done; nothing has changed.
+        """
+        match request:
+            case SetMode(policy, mode):
+                self._run.trainer.set_mode(policy, mode)
+                self._say(f"policy {policy}: {mode}")
+            case SaveRequest():
+                self._run.trainer.save()
+                self._say(f"saved checkpoint at {self._run.trainer.agent_steps} steps")
+            case WritePolicies():
+                self._write_policies()
+            case StartRequest():
+                self._start()
+            case PlayRound():
+                self._begin_round()
+            case StopRequest():
+                self._stop()
+
+    def _start(self) -> None:
+        if "training" in (self._next, self._after_round):
+            raise UsageError("training goes on already")
+        if self._next == "playing":
+            self._after_round = "training"
+        else:
+            self._next = "training"
+
+    def _begin_round(self) -> None:
+        if self._next == "playing":
+            raise UsageError("a round is being played already")
+        self._after_round, self._next = self._next, "playing"
+
+    def _stop(self) -> None:
+        if self._next == self._rest:
+            raise UsageError("there is nothing to stop")
+        self._next = self._after_round = self._rest
+
+    def _write_policies(self) -> None:
+        folder, learners = self._policies_folder, self._run.learners
+        places = place_files(list(learners), f"{folder}{os.sep}", self._run.folder.path)
+        with disk_errors(f"the folder {folder}"):
+            folder.mkdir(parents=True, exist_ok=True)
+        for place, learner in zip(places, learners.values(), strict=True):
+            write_model(place, to_model(learner.policy, learner.policy.spec))
+        self._told_once["written"] = {
+            name: str(place.resolve()) for name, place in zip(learners, places, strict=True)
+        }
+        self._say(f"wrote policies to {folder.resolve()}")
+
+    # --- telling --------------------------------------------------------------------------------
+
+    def _say(self, message: str) -> None:
+        self._message = message
+        log.info("%s", message)
+
+    def _warn(self, message: str) -> None:
+        self._message = message
+        log.warning("%s", message)
+
+    def _show_status(self) -> None:
+        self._status_due_at = time.monotonic() + STATUS_EVERY_S
+        told_once, self._told_once = self._told_once, {}
+        self._pool.show_status({
+            **self._run.trainer.status(),
+            "state": self._state,
+            "run": str(self._run.folder.path.resolve()),
+            "message": self._message,
+            **told_once,
+        })  # fmt: skip

@@ -1,0 +1,181 @@
+"""Serve one game after the other, and see to what is left when one goes."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Generator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import torch
+
+from ludus.disk import disk_errors
+from ludus.errors import EngineCrashed, EngineStartError, LudusError
+from ludus.pool.engine_pool import EnginePool
+from ludus.pool.opening import spin_us_beside
+from ludus.serve.guided.door import Door, Visitor
+from ludus.serve.guided.game_run import game_config, opened_run
+from ludus.serve.guided.guidance import Game, Guidance
+from ludus.session import GuidedSession
+from ludus.session.supervision import Supervision
+from ludus.train.config import TrainConfig
+from ludus.train.device import choose_device
+from ludus.wire.handshake import EngineConfig
+
+__all__ = ["GuidedConfig", "serve_guided"]
+
+POLL_S = 0.2
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuidedConfig:
+    """How to serve.
+
+    Attributes:
+        port: TCP port on the loopback address; 0 takes a free one.
+        runs: Folder of the runs.
+        policies: Folder that policies are written to; None: ``policies`` in that of the run.
+        is_once: End when the first game has gone.
+        seed: Of new runs whose game names none; None draws one.
+        device: PyTorch device, or ``auto``.
+        torch_threads: Threads PyTorch may use.
+        hello_timeout_s: How long a greeting may take.
+        first_game_timeout_s: With ``is_once``, how long to wait for a game.
+        start_timeout_s: How long a game may take to make its worlds.
+        step_timeout_s: How long an answer may take.
+    """
+
+    port: int = 11011
+    runs: Path = Path("runs")
+    policies: Path | None = None
+    is_once: bool = False
+    seed: int | None = None
+    device: str = "auto"
+    torch_threads: int = 1
+    hello_timeout_s: float = 10.0
+    first_game_timeout_s: float = 60.0
+    start_timeout_s: float = 60.0
+    step_timeout_s: float = 60.0
+
+
+def serve_guided(
+    config: GuidedConfig, is_stopping: Callable[[], bool], on_ready: Callable[[int], None]
+) -> None:
+    """Serve games until ``is_stopping``, or until the first has gone if that is wanted.
+
+    Args:
+        config: How to serve.
+        is_stopping: Asked often, in this thread.
+        on_ready: Called with the port, once games can connect.
+
+    Raises:
+        SetupError: The port is taken.
+        ConfigError: A setting does not fit.
+        RunError: The folder of the runs cannot be made.
+        EngineStartError: With ``is_once``, no game has come.
+        LudusError: With ``is_once``, what went wrong with the game, if it did not merely go away.
+    """
+    choose_device(_settings(config).device)
+    torch.set_num_threads(config.torch_threads)
+    with disk_errors(f"the folder of the runs, {config.runs}"):
+        config.runs.mkdir(parents=True, exist_ok=True)
+    with Door(config.port, config.hello_timeout_s, config.start_timeout_s) as door:
+        on_ready(door.port)
+        _serve_all(door, config, is_stopping)
+
+
+def _serve_all(door: Door, config: GuidedConfig, is_stopping: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + config.first_game_timeout_s
+    while not is_stopping():
+        visitor = door.let_in(POLL_S)
+        if visitor is not None:
+            try:
+                was_served = _serve_one(visitor, config, is_stopping)
+            finally:
+                door.let_out()
+            if was_served and config.is_once:
+                return
+        elif config.is_once and time.monotonic() > deadline:
+            raise EngineStartError(
+                f"no game connected within {config.first_game_timeout_s:g} s",
+                "leave --once out to wait for ever",
+            )
+
+
+def _serve_one(visitor: Visitor, config: GuidedConfig, is_stopping: Callable[[], bool]) -> bool:
+    """Serve a game until it goes; what goes wrong is told to it, and logged.
+
+    Returns:
+        Whether it was a game, which told its spec.
+
+    Raises:
+        Exception: With ``is_once``, what went wrong, if the game did not merely go away.
+    """
+    log.info("%s came in: %s, add-on %s", visitor.name, visitor.hello.engine, visitor.hello.addon)
+    was_served = False
+    try:
+        with closing(_greet(visitor, config)) as session:
+            was_served = True
+            _train(session, visitor, config, is_stopping)
+    except EngineCrashed as error:
+        log.info("%s has gone: %s", visitor.name, error.message)
+    except Exception as error:
+        if config.is_once:
+            raise
+        is_known = isinstance(error, LudusError)
+        log.error("%s: %s", visitor.name, error, exc_info=None if is_known else error)
+    else:
+        log.info("%s: the conversation has ended", visitor.name)
+    return was_served
+
+
+def _greet(visitor: Visitor, config: GuidedConfig) -> GuidedSession:
+    engine = EngineConfig(num_worlds=visitor.training.num_worlds, spin_us=spin_us_beside(1))
+    timeout_s = config.step_timeout_s
+    return GuidedSession(visitor.link, engine, Supervision(None), step_timeout_s=timeout_s)
+
+
+def _train(
+    session: GuidedSession,
+    visitor: Visitor,
+    config: GuidedConfig,
+    is_stopping: Callable[[], bool],
+) -> None:
+    pool = EnginePool(lambda _: session)
+    wanted = visitor.training
+    settings = replace(
+        _settings(config),
+        seed=config.seed if wanted.seed is None else wanted.seed,
+        keep_every_updates=wanted.checkpoint_every_updates,
+    )
+    with _told_to(session), opened_run(game_config(settings, wanted.run, pool), pool) as run:
+        guidance = Guidance(Game(session, pool), run, config.policies)
+        with _told_to(session):  # at once: what follows takes time
+            run.stop_reason = guidance.conduct(is_stopping)
+            session.close()
+
+
+def _settings(config: GuidedConfig) -> TrainConfig:
+    return TrainConfig(
+        seed=config.seed,
+        runs=config.runs,
+        device=config.device,
+        torch_threads=config.torch_threads,
+    )
+
+
+@contextmanager
+def _told_to(session: GuidedSession) -> Generator[None, None, None]:
+    """Tell the game of an error, unless it knows already."""
+    try:
+        yield
+    except LudusError as error:
+        session.fail(error)
+        raise
+    except Exception as error:
+        session.fail(LudusError(f"a defect of ludus serve: {type(error).__name__}: {error}"))
+        raise

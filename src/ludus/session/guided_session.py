@@ -1,0 +1,56 @@
+"""A conversation with a game that guides its own training (PROTOCOL.md §8, "Standing by")."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from ludus.batch import Batches
+from ludus.errors import UsageError
+from ludus.session.engine_session import BRIDGE, EngineSession
+from ludus.wire.requests import CAPABILITY as REQUESTS
+from ludus.wire.reset import ResetRequest
+from ludus.wire.training import CAPABILITY as GUIDED
+
+__all__ = ["GuidedSession"]
+
+
+class GuidedSession(EngineSession):
+    """One game, which may tell the trainer what to do; see :class:`EngineSession`.
+
+    Between :meth:`stand_by` and the next :meth:`reset` the game goes on by itself, and
+    :meth:`take_requests` asks it whether it wants something each time.
+    """
+
+    _more_capabilities: ClassVar[frozenset[str]] = frozenset({GUIDED})
+    _is_standing_by = False
+
+    @property
+    def is_guided(self) -> bool:
+        """Whether the game tells the trainer what to do."""
+        has_both = {GUIDED, REQUESTS} <= self.hello.capabilities
+        return has_both and self.hello.training is not None
+
+    @property
+    def has_requests(self) -> bool:
+        """Whether the game may want something: always while it stands by."""
+        return self._is_standing_by or super().has_requests
+
+    def stand_by(self) -> None:
+        """Let the game go on by itself until the next :meth:`reset`.
+
+        Raises:
+            UsageError: The game does not guide its training, so it cannot do that.
+            SequenceError: The answer to ``send`` was not received yet.
+            EngineError: The engine failed.
+        """
+        if not self.is_guided:
+            raise UsageError("only a game that guides its training can stand by")
+        self.call(BRIDGE, "stand_by")
+        self._is_standing_by = True
+        self._link.spin(0.0)  # nothing is in a hurry now
+
+    def reset(self, request: ResetRequest) -> Batches:
+        """Begin new episodes, and with them lock-step; see :meth:`EngineSession.reset`."""
+        self._is_standing_by = False
+        self._link.spin(self._spin_s)
+        return super().reset(request)

@@ -1,0 +1,29 @@
+"""What an ``ERROR`` frame says of an error (PROTOCOL.md §9). No input or output."""
+
+from __future__ import annotations
+
+from ludus.errors import (
+    EngineTimeout,
+    GameError,
+    LudusError,
+    ProtocolError,
+    SequenceError,
+    UsageError,
+)
+
+__all__ = ["error_report"]
+
+_CODES: tuple[tuple[type[LudusError], str], ...] = (
+    (GameError, "game"),
+    (ProtocolError, "frame"),
+    (EngineTimeout, "timeout"),
+    (SequenceError, "sequence"),
+    (UsageError, "config"),
+)
+"""First match wins; what is none of these is our own affair."""
+
+
+def error_report(error: LudusError) -> dict[str, str]:
+    """Return the content of the frame that tells of ``error``."""
+    code = next((code for kind, code in _CODES if isinstance(error, kind)), "internal")
+    return {"code": code, "message": error.message, "hint": error.hint}
