@@ -6,7 +6,11 @@
 PYTHON ?= python3
 BIN := .venv/bin
 GODOT_PROJECT := engines/godot4
-GDSCRIPT := $(GODOT_PROJECT)/addons $(GODOT_PROJECT)/examples $(GODOT_PROJECT)/gallery $(GODOT_PROJECT)/tests src/ludus/bench src/ludus/train/export benchmarks tests/serve
+GODOT3_PROJECT := engines/godot3
+# The linters of Godot 3's GDScript are an older version of the same package.
+BIN3 := .venv/gdtoolkit3/bin
+GDSCRIPT3 := addons examples tests
+GDSCRIPT := $(GODOT_PROJECT)/addons $(GODOT_PROJECT)/examples $(GODOT_PROJECT)/gallery $(GODOT_PROJECT)/tests src/ludus/bench src/ludus/train/export benchmarks tests/serve tests/classic
 
 # uv does not read pip's configuration; hand it the index that pip would use.
 PIP_INDEX = $(shell $(PYTHON) -m pip config get global.index-url 2>/dev/null || echo "$$PIP_INDEX_URL")
@@ -17,6 +21,7 @@ UV_ENVIRONMENT = $(if $(strip $(PIP_INDEX)),UV_DEFAULT_INDEX=$(strip $(PIP_INDEX
 
 setup: .venv/.ready
 	@$(BIN)/ludus engine install godot4
+	@$(BIN)/ludus engine install godot3
 
 .venv/.ready: pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit("Ludus needs Python 3.11 or newer" if sys.version_info < (3, 11) else 0)'
@@ -26,15 +31,22 @@ setup: .venv/.ready
 	$(UV_ENVIRONMENT) $(BIN)/uv pip install --quiet --python $(BIN)/python --editable '.[dev]'
 	@touch $@
 
+.venv/gdtoolkit3/.ready: .venv/.ready
+	@$(PYTHON) -m venv .venv/gdtoolkit3
+	$(UV_ENVIRONMENT) $(BIN)/uv pip install --quiet --python $(BIN3)/python 'gdtoolkit==3.*' 'setuptools<81'
+	@touch $@
+
 demo: setup
 	$(BIN)/ludus train cartpole --target-return 249
 
-lint: .venv/.ready
+lint: .venv/.ready .venv/gdtoolkit3/.ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 	$(BIN)/gdlint $(GDSCRIPT)
 	$(BIN)/gdformat --check $(GDSCRIPT)
+	cd $(GODOT3_PROJECT) && ../../$(BIN3)/gdlint $(GDSCRIPT3)
+	cd $(GODOT3_PROJECT) && ../../$(BIN3)/gdformat --check -l 100 $(GDSCRIPT3)
 
 test: setup lint
 	$(BIN)/pytest
@@ -43,4 +55,4 @@ bench: setup
 	$(BIN)/python benchmarks/godot4.py
 
 clean:
-	rm -rf .venv runs $(GODOT_PROJECT)/.godot
+	rm -rf .venv runs $(GODOT_PROJECT)/.godot $(GODOT3_PROJECT)/.import

@@ -9,6 +9,7 @@ import pytest
 
 from ludus import addon
 from ludus.addon import MANIFEST_NAME, addon_status, install_addon
+from ludus.engine import EngineKind
 from ludus.errors import ConfigError, SetupError, TargetError
 
 PROJECT_TEXT = """\
@@ -36,7 +37,11 @@ def source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (folder / "icons" / "agent.svg").write_text("<svg/>\n")
     (folder / ".godot").mkdir()
     (folder / ".godot" / "cache").touch()
-    monkeypatch.setattr(addon, "bundled_root", lambda: tmp_path / "bundled")
+
+    def bundled_root(_kind: EngineKind) -> Path:
+        return tmp_path / "bundled"
+
+    monkeypatch.setattr(addon, "bundled_root", bundled_root)
     monkeypatch.setattr(addon, "package_version", lambda: "1")
     return folder
 
@@ -241,9 +246,9 @@ def test_links_are_left_alone(source: Path, project: Path, tmp_path: Path) -> No
     assert addon_status(project).is_enabled
 
 
-def test_only_godot4_projects(source: Path, project: Path, tmp_path: Path) -> None:
-    (project / "project.godot").write_text("config_version=4\n")
-    with pytest.raises(TargetError, match="Godot 3 project"):
+def test_only_godot_projects(source: Path, project: Path, tmp_path: Path) -> None:
+    (project / "project.godot").write_text("config_version=3\n")
+    with pytest.raises(TargetError, match="config_version 3"):
         install_addon(project)
     with pytest.raises(TargetError, match=r"no project\.godot"):
         install_addon(tmp_path)

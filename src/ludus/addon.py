@@ -19,26 +19,35 @@ from typing import Any, cast
 from ludus.engine.bundled import bundled_root, package_version
 from ludus.engine.config_file import add_string, add_to_string_array, parse_config
 from ludus.engine.kinds import EngineKind
-from ludus.engine.project import PROJECT_FILE, find_project
+from ludus.engine.project import PROJECT_FILE, find_project, read_project
+from ludus.engine.script_classes import add_script_classes, find_script_classes
 from ludus.errors import ConfigError, SetupError, TargetError
 
 __all__ = [
     "ADDON_PATH",
+    "CLASSIC_PATH",
     "MANIFEST_NAME",
     "PLUGIN",
     "AddonChange",
     "AddonStatus",
     "addon_status",
+    "godot4_root",
     "install_addon",
+    "install_folder",
 ]
 
 ADDON_PATH = "addons/ludus"
+CLASSIC_PATH = "addons/ludus_classic"
 MANIFEST_NAME = ".ludus_manifest.json"
 PLUGIN = "res://addons/ludus/plugin.cfg"
 BRIDGE = "res://addons/ludus/ludus_bridge.gd"
 
 _ENABLED_KEY = "editor_plugins/enabled"
 _AUTOLOAD_KEY = "autoload/Ludus"
+_ARRAY_TYPES = {EngineKind.GODOT4: "PackedStringArray", EngineKind.GODOT3: "PoolStringArray"}
+_SIGNS = {ADDON_PATH: "plugin.cfg", CLASSIC_PATH: "ai_runner.gd"}
+"""A file by which a folder of the add-on is known to be whole."""
+
 _log = logging.getLogger(__name__)
 
 
@@ -113,10 +122,10 @@ def addon_status(project: Path) -> AddonStatus:
     """Tell which add-on a project has.
 
     Raises:
-        TargetError: There is no Godot 4 project.
+        TargetError: There is no Godot project.
     """
-    root = _godot4_root(project)
-    files = _survey(root / ADDON_PATH)
+    root = find_project(project).root
+    files = _survey(root, ADDON_PATH)
     return AddonStatus(
         version=files.version,
         is_present=bool(files.present),
@@ -127,36 +136,66 @@ def addon_status(project: Path) -> AddonStatus:
 
 
 def install_addon(project: Path, *, force: bool = False) -> AddonChange:
-    """Copy the add-on into a Godot 4 project and switch it on.
+    """Copy the add-on for the project's version of Godot into it and switch it on.
 
     The new folder is prepared beside the old one and takes its place at the end, so that a
-    failure half-way leaves the old one. Repeating it changes nothing.
+    failure half-way leaves the old one. Repeating it changes nothing. The classes for games that
+    were written for godot-ai (:data:`CLASSIC_PATH`) are upgraded with it where they are there.
 
     Args:
         project: Folder of the project, or anything inside it.
         force: Overwrite files that were changed by hand.
 
     Raises:
-        TargetError: There is no Godot 4 project.
+        TargetError: There is no Godot project.
         ConfigError: Files were changed by hand, or the folder is a link.
         SetupError: The project cannot be written.
     """
-    root = _godot4_root(project)
-    target = root / ADDON_PATH
-    files = _survey(target)
-    _refuse_what_cannot_be_replaced(target, files, force=force)
+    found = find_project(project)
+    root = found.root
+    if found.engine_kind is EngineKind.GODOT4 and (root / CLASSIC_PATH).is_dir():
+        install_folder(root, CLASSIC_PATH, force=force)
+    change = install_folder(root, ADDON_PATH, force=force)
     try:
-        change = _replace(target, files)
         has_enabled = _switch_on(root)
     except OSError as error:
-        raise SetupError(
-            f"the add-on could not be installed in {root}: {error}",
-            hint="the project folder must be writable, and the disk not full",
-        ) from error
+        raise _not_installed(root, error) from error
     return replace(change, has_enabled_plugin=has_enabled)
 
 
-def _godot4_root(path: Path) -> Path:
+def install_folder(root: Path, path: str, *, force: bool) -> AddonChange:
+    """Copy one folder of the add-on, as :func:`install_addon` does, without switching it on.
+
+    Args:
+        root: Folder of the project.
+        path: :data:`ADDON_PATH` or :data:`CLASSIC_PATH`.
+        force: Overwrite files that were changed by hand.
+
+    Raises:
+        ConfigError: Files were changed by hand, or the folder is a link.
+        SetupError: The project cannot be written.
+    """
+    files = _survey(root, path)
+    _refuse_what_cannot_be_replaced(root, path, files, force=force)
+    try:
+        return _replace(root, path, files)
+    except OSError as error:
+        raise _not_installed(root, error) from error
+
+
+def _not_installed(root: Path, error: OSError) -> SetupError:
+    return SetupError(
+        f"the add-on could not be installed in {root}: {error}",
+        hint="the project folder must be writable, and the disk not full",
+    )
+
+
+def godot4_root(path: Path) -> Path:
+    """Return the folder of the Godot 4 project that ``path`` is in.
+
+    Raises:
+        TargetError: There is none.
+    """
     project = find_project(path)
     if project.engine_kind is not EngineKind.GODOT4:
         raise TargetError(
@@ -167,8 +206,9 @@ def _godot4_root(path: Path) -> Path:
     return project.root
 
 
-def _survey(target: Path) -> _Files:
-    files = _Files(_hashes(_bundled_addon()), _hashes(target))
+def _survey(root: Path, path: str) -> _Files:
+    target = root / path
+    files = _Files(_hashes(_bundled_addon(root, path)), _hashes(target))
     try:
         data: Any = json.loads((target / MANIFEST_NAME).read_text(encoding="utf-8"))
         files.recorded = {str(name): str(sha) for name, sha in data["files"].items()}
@@ -180,11 +220,11 @@ def _survey(target: Path) -> _Files:
     return files
 
 
-def _bundled_addon() -> Path:
-    source = bundled_root() / ADDON_PATH
-    if not (source / "plugin.cfg").is_file():
+def _bundled_addon(root: Path, path: str) -> Path:
+    source = bundled_root(read_project(root).engine_kind) / path
+    if not (source / _SIGNS[path]).is_file():
         raise SetupError(
-            f"this installation of Ludus lacks its add-on ({source / 'plugin.cfg'})",
+            f"this installation of Ludus lacks its add-on ({source / _SIGNS[path]})",
             hint="install Ludus again: pip install --force-reinstall ludus-rl",
         )
     return source
@@ -201,22 +241,24 @@ def _hashes(folder: Path) -> dict[str, str]:
     return found
 
 
-def _refuse_what_cannot_be_replaced(target: Path, files: _Files, *, force: bool) -> None:
-    is_bundled = target.resolve() == _bundled_addon().resolve()
+def _refuse_what_cannot_be_replaced(root: Path, path: str, files: _Files, *, force: bool) -> None:
+    target = root / path
+    is_bundled = target.resolve() == _bundled_addon(root, path).resolve()
     if target.is_symlink() and not is_bundled:
         raise ConfigError(
             f"{target} is a link to {target.resolve()}", hint="remove the link, then try again"
         )
     changed = files.changed()
     if changed and not force:
-        rows = "\n".join(f"  {ADDON_PATH}/{name}" for name in changed)
+        rows = "\n".join(f"  {path}/{name}" for name in changed)
         raise ConfigError(
             f"these files of the add-on were changed by hand:\n{rows}",
             hint="use --force to overwrite them, or move your changes out of the add-on",
         )
 
 
-def _replace(target: Path, files: _Files) -> AddonChange:
+def _replace(root: Path, path: str, files: _Files) -> AddonChange:
+    target, source = root / path, _bundled_addon(root, path)
     version = package_version()
     new, old = files.bundled, files.present
     gone = [name for name in files.recorded if name in old and name not in new]
@@ -227,20 +269,22 @@ def _replace(target: Path, files: _Files) -> AddonChange:
         updated=tuple(sorted(name for name in new.keys() & old.keys() if new[name] != old[name])),
         removed=tuple(sorted(gone)),
     )
-    is_bundled = target.resolve() == _bundled_addon().resolve()
+    is_bundled = target.resolve() == source.resolve()
     is_same = files.recorded == new and files.version == version
     if not is_bundled and not (is_same and not change.added and not change.updated):
-        _swap_in(target, files, version)
+        _swap_in(source, target, files, version)
     return change
 
 
-def _swap_in(target: Path, files: _Files, version: str) -> None:
+def _swap_in(source: Path, target: Path, files: _Files, version: str) -> None:
     """Prepare the new folder beside the old one, then let it take its place."""
     target.parent.mkdir(parents=True, exist_ok=True)
     incoming = Path(tempfile.mkdtemp(prefix=".ludus-", dir=target.parent))
     try:
         prepared, old = incoming / "new", incoming / "old"
-        _prepare(prepared, target, files, version)
+        _prepare(prepared, source, files, version)
+        for name in files.own():
+            _copy_file(target / name, prepared / name)
         if target.exists():
             target.rename(old)
         try:
@@ -253,12 +297,9 @@ def _swap_in(target: Path, files: _Files, version: str) -> None:
         shutil.rmtree(incoming, ignore_errors=True)
 
 
-def _prepare(prepared: Path, target: Path, files: _Files, version: str) -> None:
-    source = _bundled_addon()
+def _prepare(prepared: Path, source: Path, files: _Files, version: str) -> None:
     for name in files.bundled:
         _copy_file(source / name, prepared / name)
-    for name in files.own():
-        _copy_file(target / name, prepared / name)
     manifest = {"version": version, "files": files.bundled}
     text = json.dumps(manifest, indent=2, sort_keys=True) + "\n"
     (prepared / MANIFEST_NAME).write_text(text, encoding="utf-8")
@@ -276,8 +317,12 @@ def _read_project_file(root: Path) -> str:
 
 def _switch_on(root: Path) -> bool:
     text = _read_project_file(root)
-    enabled = add_to_string_array(text, _ENABLED_KEY, PLUGIN)
+    kind = read_project(root).engine_kind
+    enabled = add_to_string_array(text, _ENABLED_KEY, PLUGIN, _ARRAY_TYPES[kind])
     enabled = add_string(enabled, _AUTOLOAD_KEY, f"*{BRIDGE}")
+    if kind is EngineKind.GODOT3:
+        scripts = find_script_classes(root / ADDON_PATH, f"res://{ADDON_PATH}")
+        enabled = add_script_classes(enabled, scripts)
     if enabled == text:
         return False
     file = root / PROJECT_FILE

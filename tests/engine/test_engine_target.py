@@ -50,7 +50,7 @@ def test_example_of_a_wheel_is_copied_once_to_a_writable_place(
     (wheel / ".godot").mkdir()
     wheel.chmod(0o555)
     target = resolve_target("pendulum")
-    copy = tmp_path / "cache" / "ludus" / "bundled" / bundled.package_version()
+    copy = tmp_path / "cache" / "ludus" / "bundled" / "godot4" / bundled.package_version()
     assert target.project is not None
     assert target.project.root == copy
     assert not (copy / ".godot").exists()

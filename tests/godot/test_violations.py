@@ -39,7 +39,7 @@ class Trainer:
         project = read_project(game.folder)
         ensure_imported(engine, project)
         listener = Listener()
-        flags = GodotFlags(user_args=(f"--ludus-connect={listener.addresses[0]}",))
+        flags = GodotFlags(user_args=(f"--ludus-connect={','.join(listener.addresses)}",))
         command = godot_command(engine, project.root, RUN_SCENE, flags)
         self.process = EngineProcess.start(LaunchConfig(command=command))
         self.link: Link = listener.accept(20.0, lambda: None)

@@ -1,4 +1,4 @@
-"""The Godot project that comes with Ludus: the add-on and the examples."""
+"""The Godot projects that come with Ludus, one for each version: the add-on and the examples."""
 
 from __future__ import annotations
 
@@ -8,13 +8,20 @@ import tempfile
 from pathlib import Path
 
 from ludus.engine.cache import require_cache_root
+from ludus.engine.kinds import EngineKind
 from ludus.engine.locks import file_lock
 from ludus.errors import SetupError
 
-__all__ = ["bundled_root", "example_names", "package_version", "runnable_bundled_root"]
+__all__ = [
+    "bundled_root",
+    "example_names",
+    "find_example",
+    "package_version",
+    "runnable_bundled_root",
+]
 
 _COPY_TIMEOUT_S = 120.0
-_NOT_COPIED = shutil.ignore_patterns(".godot", "__pycache__")
+_NOT_COPIED = shutil.ignore_patterns(".godot", ".import", "__pycache__")
 
 
 def package_version() -> str:
@@ -25,32 +32,49 @@ def package_version() -> str:
         return "0+checkout"
 
 
-def bundled_root() -> Path:
+def bundled_root(kind: EngineKind = EngineKind.GODOT4) -> Path:
     """Return the folder with the add-on and the examples, which may be read-only.
 
     Raises:
         SetupError: This installation of Ludus has none.
     """
-    for folder in (_in_wheel(), _in_checkout()):
+    for folder in (_in_wheel(kind), _in_checkout(kind)):
         if (folder / "addons" / "ludus").is_dir() or (folder / "project.godot").is_file():
             return folder
     raise SetupError(
-        f"this installation of Ludus lacks its Godot project (looked at {_in_wheel()} and "
-        f"{_in_checkout()})",
+        f"this installation of Ludus lacks its Godot project (looked at "
+        f"{_in_wheel(kind)} and {_in_checkout(kind)})",
         hint="install Ludus again: pip install --force-reinstall ludus-rl",
     )
 
 
 def example_names() -> list[str]:
-    """List the bundled examples; empty if there are none."""
+    """List the bundled examples: those of Godot 4, then those of Godot 3 as ``godot3:NAME``."""
+    godot3 = [f"{EngineKind.GODOT3}:{name}" for name in _examples_of(EngineKind.GODOT3)]
+    return _examples_of(EngineKind.GODOT4) + godot3
+
+
+def find_example(text: str) -> tuple[EngineKind, str] | None:
+    """Return engine and name of a bundled example: ``NAME`` is for Godot 4, unless it says so.
+
+    Args:
+        text: ``NAME``, ``godot4:NAME`` or ``godot3:NAME``.
+    """
+    prefix, colon, name = text.rpartition(":")
+    kind = EngineKind(prefix) if prefix in list(EngineKind) else EngineKind.GODOT4
+    is_known = name in _examples_of(kind) and (not colon or prefix == kind)
+    return (kind, name) if is_known else None
+
+
+def _examples_of(kind: EngineKind) -> list[str]:
     try:
-        examples = bundled_root() / "examples"
+        examples = bundled_root(kind) / "examples"
     except SetupError:
         return []
     return sorted(file.stem for file in examples.glob("*/*.tscn") if file.stem == file.parent.name)
 
 
-def runnable_bundled_root() -> Path:
+def runnable_bundled_root(kind: EngineKind = EngineKind.GODOT4) -> Path:
     """Return the bundled project in a place where Godot may write its import cache.
 
     In a checkout that is the project itself; what a wheel brought is copied to the user cache,
@@ -59,10 +83,10 @@ def runnable_bundled_root() -> Path:
     Raises:
         SetupError: It is missing, or cannot be copied.
     """
-    root = bundled_root()
-    if root != _in_wheel():
+    root = bundled_root(kind)
+    if root != _in_wheel(kind):
         return root
-    target = require_cache_root() / "bundled" / package_version()
+    target = require_cache_root() / "bundled" / kind / package_version()
     try:
         with file_lock(target.parent / ".copy.lock", _COPY_TIMEOUT_S):
             if not target.is_dir():
@@ -75,12 +99,12 @@ def runnable_bundled_root() -> Path:
     return target
 
 
-def _in_wheel() -> Path:
-    return _package_folder() / "_bundled" / "godot4"
+def _in_wheel(kind: EngineKind) -> Path:
+    return _package_folder() / "_bundled" / kind
 
 
-def _in_checkout() -> Path:
-    return _package_folder().parent.parent / "engines" / "godot4"
+def _in_checkout(kind: EngineKind) -> Path:
+    return _package_folder().parent.parent / "engines" / kind
 
 
 def _package_folder() -> Path:

@@ -6,7 +6,7 @@ Layout of the user cache::
     engines/<kind>/.incoming-*            an installation under way or broken off
     engines/<kind>/.install.lock
     templates/<kind>/<name>/              an export template; see `template`
-    bundled/<version>/                    a writable copy of the bundled project
+    bundled/<kind>/<version>/             a writable copy of the bundled project
 """
 
 from __future__ import annotations

@@ -105,8 +105,10 @@ def quote_string(text: str) -> str:
     return f'"{escaped}"'
 
 
-def add_to_string_array(text: str, key: str, value: str) -> str:
-    """Return the text of a file with one more string in a ``PackedStringArray``.
+def add_to_string_array(
+    text: str, key: str, value: str, array_type: str = "PackedStringArray"
+) -> str:
+    """Return the text of a file with one more string in an array of strings.
 
     Everything else keeps its text and its place. Key and section are made where missing; if
     the string is in there already, the text is returned unchanged.
@@ -115,12 +117,13 @@ def add_to_string_array(text: str, key: str, value: str) -> str:
         text: The whole file.
         key: ``section/key`` of the array.
         value: String to add.
+        array_type: What the engine calls such an array.
     """
     parsed = parse_config(text)
     strings = parsed.strings(key)
     if value in strings:
         return text
-    array = f"PackedStringArray({', '.join(quote_string(item) for item in [*strings, value])})"
+    array = f"{array_type}({', '.join(quote_string(item) for item in [*strings, value])})"
     entry = parsed.entries.get(key)
     if entry is not None:
         return text[: entry.start] + array + text[entry.end :]

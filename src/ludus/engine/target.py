@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from ludus.engine.bundled import example_names, runnable_bundled_root
+from ludus.engine.bundled import example_names, find_example, runnable_bundled_root
 from ludus.engine.find import InstalledEngine, find_engine
 from ludus.engine.kinds import EngineKind
 from ludus.engine.project import PROJECT_FILE, SCENE_SUFFIXES, Project, find_project, scene_path
@@ -83,7 +83,8 @@ def resolve_target(
     """Work out what the user means.
 
     Args:
-        target: One of: the name of a bundled example; ``play``, to wait for a game that the
+        target: One of: the name of a bundled example (``godot3:cartpole`` is the one for
+            Godot 3); ``play``, to wait for a game that the
             user starts in the editor; ``host:port`` of a game that listens there; the folder
             of a Godot project; a ``.tscn``; an exported game. A bare word is an example: write
             ``./cartpole`` for a folder of that name.
@@ -99,8 +100,9 @@ def resolve_target(
     if text == PLAY:
         _refuse_scene(scene, text)
         return Target(kind=TargetKind.PLAY, name=PLAY, address=("127.0.0.1", DEFAULT_PORT))
-    if text in example_names():
-        return _example(text, scene, engine)
+    example = find_example(text)
+    if example is not None:
+        return _example(*example, scene, engine)
     path = Path(target).expanduser()
     if path.exists():
         return _on_disk(path, scene, engine)
@@ -111,8 +113,8 @@ def resolve_target(
     raise _unknown(text)
 
 
-def _example(name: str, scene: str | Path | None, godot: Path | None) -> Target:
-    project = find_project(runnable_bundled_root())
+def _example(kind: EngineKind, name: str, scene: str | Path | None, godot: Path | None) -> Target:
+    project = find_project(runnable_bundled_root(kind))
     return Target(
         kind=TargetKind.EXAMPLE,
         name=name,

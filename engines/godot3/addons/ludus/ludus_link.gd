@@ -1,0 +1,198 @@
+class_name LudusLink
+extends Reference
+## A blocking connection to the trainer that carries whole frames.
+##
+## A read has no time limit of its own in Godot; a thread beside it ends the process when the
+## deadline has passed, or when the process that started the game is gone. Godot 3 has no Unix
+## sockets.
+
+const CONNECT_POLL_MS := 5
+const WATCH_INTERVAL_MS := 100
+const FRAME_TIMEOUT_MS := 30000
+const UNIX_PREFIX := "unix:"
+
+## Type of the frame that [method receive] read.
+var type: int = LudusWire.Type.NONE
+## Payload of the frame that [method receive] read.
+var payload: PoolByteArray
+## Why the last call failed; empty if the other side simply closed.
+var error: String = ""
+## Milliseconds the trainer may stay silent between requests; 0: for ever.
+var idle_timeout_ms: int = 0
+## Microseconds for which [method receive] looks again and again before it sleeps. Waking up costs
+## tens of microseconds and cold caches, where a core is free for looking.
+var spin_us: int = 0
+## Whether the other side is on this machine.
+var is_local: bool = true
+
+var _stream: StreamPeerTCP
+var _watch: Thread
+var _mutex := Mutex.new()
+var _deadline_ms: int = 0
+var _is_closing: bool = false
+var _parent_path: String = ""
+
+
+## Connects to the first of some addresses that answers within [param timeout_ms] milliseconds.
+func connect_to(addresses: Array, timeout_ms: int) -> bool:
+	for address in addresses:
+		_stream = _open(address)
+		if _stream != null and _await_connection(timeout_ms):
+			is_local = _is_loopback(address)
+			return true
+	error = "no trainer answers at %s" % PoolStringArray(addresses).join(", ")
+	_stream = null
+	return false
+
+
+## Listens at a TCP address until a trainer connects.
+func listen_at(address: String, timeout_ms: int) -> bool:
+	var server := TCP_Server.new()
+	if server.listen(_port(address), _host(address)) != OK:
+		error = "cannot listen at %s" % address
+		return false
+	is_local = _is_loopback(address)
+	var deadline := OS.get_ticks_msec() + timeout_ms
+	while not server.is_connection_available():
+		if OS.get_ticks_msec() > deadline:
+			error = "no trainer connected to %s within %d s" % [address, timeout_ms / 1000]
+			return false
+		OS.delay_msec(CONNECT_POLL_MS)
+	_stream = server.take_connection()
+	_stream.set_no_delay(true)
+	server.stop()
+	return true
+
+
+## Starts the thread that enforces deadlines and, where the system shows processes as files, ends
+## this process when [param parent_pid] is gone.
+func watch(parent_pid: int) -> void:
+	var path := "/proc/%d/status" % parent_pid
+	if parent_pid > 0 and File.new().file_exists(path):
+		_parent_path = path
+	_watch = Thread.new()
+	if _watch.start(self, "_enforce_deadlines") != OK:
+		push_error("ludus: no thread for deadlines")
+		_watch = null
+
+
+## Sends a whole frame. Returns false if the connection has ended.
+func send(frame: PoolByteArray) -> bool:
+	return _stream.put_data(frame) == OK
+
+
+## Reads one frame into [member type] and [member payload]. Returns false if the connection has
+## ended or the frame is not allowed.
+func receive() -> bool:
+	error = ""
+	_spin()
+	_set_deadline(idle_timeout_ms)
+	var header := _read(LudusWire.HEADER_BYTES)
+	if header.empty():
+		return false
+	type = header[4]
+	var num_bytes := LudusWire.read_u32(header, 0)
+	if num_bytes > LudusWire.max_payload_bytes(type):
+		error = "frame of type %d with %d bytes is not allowed" % [type, num_bytes]
+		return false
+	if header[5] != 0 or header[6] != 0 or header[7] != 0:
+		error = "frame of type %d with flags is of another version" % type
+		return false
+	payload = PoolByteArray()
+	if num_bytes > 0:
+		_set_deadline(FRAME_TIMEOUT_MS)
+		payload = _read(num_bytes)
+	_set_deadline(0)
+	return payload.size() == num_bytes
+
+
+## Closes the connection and ends the thread.
+func close() -> void:
+	_mutex.lock()
+	_is_closing = true
+	_mutex.unlock()
+	if _watch != null:
+		_watch.wait_to_finish()
+		_watch = null
+	if _stream != null:
+		_stream.disconnect_from_host()
+	_stream = null
+
+
+func _open(address: String) -> StreamPeerTCP:
+	if address.begins_with(UNIX_PREFIX):
+		return null
+	var stream := StreamPeerTCP.new()
+	var host := _host(address)
+	if stream.connect_to_host("127.0.0.1" if host == "localhost" else host, _port(address)) != OK:
+		return null
+	return stream
+
+
+func _await_connection(timeout_ms: int) -> bool:
+	var deadline := OS.get_ticks_msec() + timeout_ms
+	while true:
+		var status := _stream.get_status()
+		if status == StreamPeerTCP.STATUS_CONNECTED:
+			_stream.set_no_delay(true)
+			return true
+		if status != StreamPeerTCP.STATUS_CONNECTING or OS.get_ticks_msec() > deadline:
+			return false
+		OS.delay_msec(CONNECT_POLL_MS)
+	return false
+
+
+func _spin() -> void:
+	if spin_us == 0:
+		return
+	var end := OS.get_ticks_usec() + spin_us
+	while _stream.get_available_bytes() == 0 and OS.get_ticks_usec() < end:
+		pass
+
+
+func _read(num_bytes: int) -> PoolByteArray:
+	var result := _stream.get_data(num_bytes)
+	return result[1] if result[0] == OK else PoolByteArray()
+
+
+func _set_deadline(timeout_ms: int) -> void:
+	_mutex.lock()
+	_deadline_ms = OS.get_ticks_msec() + timeout_ms if timeout_ms > 0 else 0
+	_mutex.unlock()
+
+
+func _enforce_deadlines(_data = null) -> void:
+	# Not Directory: that changes the working folder of the process for a moment.
+	var file := File.new()
+	while true:
+		OS.delay_msec(WATCH_INTERVAL_MS)
+		_mutex.lock()
+		var is_over := _deadline_ms > 0 and OS.get_ticks_msec() > _deadline_ms
+		var is_closing := _is_closing
+		_mutex.unlock()
+		if is_closing:
+			return
+		if is_over:
+			printerr("ludus: the trainer was silent for too long; the game quits")
+			_die()
+		if not _parent_path.empty() and not file.file_exists(_parent_path):
+			_die()
+
+
+static func _die() -> void:
+	if OS.kill(OS.get_process_id()) != OK:
+		OS.crash("ludus: the trainer is gone")
+
+
+static func _host(address: String) -> String:
+	var rest := address.trim_prefix("tcp:")
+	return rest.substr(0, rest.find_last(":")).trim_prefix("[").trim_suffix("]")
+
+
+static func _port(address: String) -> int:
+	return int(address.substr(address.find_last(":") + 1))
+
+
+static func _is_loopback(address: String) -> bool:
+	var host := _host(address)
+	return host == "localhost" or host == "::1" or host.begins_with("127.")

@@ -1,0 +1,341 @@
+class_name LudusPolicyBatch
+extends Reference
+## All agents of one policy in slots: hands out their actions, puts their observations together.
+##
+## This is the hot path: pool arrays, no text, no dictionary unless the game itself uses one.
+
+const NO_LIMIT := 1 << 62
+
+## Name of the policy.
+var policy_name: String
+## What all agents have in common.
+var layout: LudusPolicyLayout
+## The agent in each slot; null in a free slot.
+var agents: Array = []
+## Which slots act on the observation that is sent next. Pool arrays are copied where another
+## object takes them: change it through the methods here.
+var active := PoolByteArray()
+## Slots whose episode ended in the last step.
+var final_slots := PoolIntArray()
+## What is wrong with the game, or an empty text. Set once; the run fails with it.
+var error: String = ""
+
+## The nodes that have the five methods, beside [member agents].
+var _targets: Array = []
+## Numbers in an observation that is one float32 entry; -1 if it is more than that.
+var _flat_size: int = -1
+var _lost: LudusLostTarget
+var _slot_worlds := PoolIntArray()
+var _discrete: Array = []
+var _continuous: Array = []
+var _steps := PoolIntArray()
+var _rewards := PoolRealArray()
+var _terminated := PoolByteArray()
+var _truncated := PoolByteArray()
+var _final_parts: Array = []
+
+
+## Takes the agents of all worlds in slot order, null for a spare slot, and the world of each slot;
+## the rest is for [LudusPolicyLayout].
+func _init(
+	name: String,
+	members: Array,
+	worlds: PoolIntArray,
+	max_steps_override: int,
+	known_entries: Array = []
+) -> void:
+	policy_name = name
+	_slot_worlds = worlds
+	layout = LudusPolicyLayout.new(members[0], max_steps_override, known_entries)
+	error = layout.error
+	_lost = LudusLostTarget.new(layout.entries)
+	if layout.is_flat():
+		_flat_size = layout.entries[0].size()
+	var _is_filled := replace_agents(members)
+
+
+## Describes the policy for the handshake (PROTOCOL.md §4).
+func to_json(agents_per_world: int) -> Dictionary:
+	var slots := []
+	for slot in agents.size():
+		var path = agents[slot].path_in_world() if agents[slot] != null else null
+		slots.append({"world": _slot_worlds[slot], "path": path})
+	var description := layout.to_json()
+	description["name"] = policy_name
+	description["num_agents"] = agents.size()
+	description["agents_per_world"] = agents_per_world
+	description["agents"] = slots
+	return description
+
+
+## Fills all slots anew, as at the beginning. Returns false if the number of agents has changed.
+func replace_agents(members: Array) -> bool:
+	if not agents.empty() and members.size() != agents.size():
+		return false
+	var num := members.size()
+	agents.resize(num)
+	_targets.resize(num)
+	_steps.resize(num)
+	active.resize(num)
+	for slot in num:
+		set_agent(slot, members[slot])
+	clear_outcomes()
+	return true
+
+
+## Puts an agent into a slot, not yet active; null frees the slot.
+func set_agent(slot: int, agent: LudusAgent) -> void:
+	agents[slot] = agent
+	active[slot] = 0
+	_steps[slot] = 0
+	_targets[slot] = _lost
+	if agent != null:
+		_targets[slot] = agent.target
+		agent.join_batch(self, slot)
+
+
+## Makes the agent of a slot act from the next observation on.
+func activate(slot: int) -> void:
+	active[slot] = 1
+	_steps[slot] = 0
+
+
+## Makes all slots act.
+func activate_all() -> void:
+	active.fill(1)
+
+
+## Steps since the episode of a slot began.
+func episode_steps(slot: int) -> int:
+	return _steps[slot]
+
+
+## Replaces agents that have left the scene by stand-ins, which end in this step.
+func drop_leavers() -> void:
+	for slot in agents.size():
+		if not is_instance_valid(agents[slot]) or not agents[slot].is_inside_tree():
+			agents[slot] = null
+			_targets[slot] = _lost
+
+
+## Number of bytes of this policy's part of a [code]STEP[/code].
+func action_bytes() -> int:
+	return layout.action_bytes(agents.size())
+
+
+## Reward of a slot in the last step.
+func reward(slot: int) -> float:
+	return _rewards[slot]
+
+
+## Reads the actions from a [code]STEP[/code] at [param offset] and hands them to the game.
+func apply_actions(payload: PoolByteArray, offset: int) -> void:
+	var num := agents.size()
+	var middle := offset + layout.discrete_bytes(num)
+	set_actions(
+		LudusWire.read_choices(payload, offset, num * layout.num_discrete),
+		Array(LudusWire.read_floats(payload, middle, num * layout.continuous_size))
+	)
+
+
+## Hands actions of all slots to the game.
+func set_actions(discrete: Array, continuous: Array) -> void:
+	_discrete = discrete
+	_continuous = continuous
+	_apply()
+
+
+## Hands the game the same actions again, in the later ticks of a step.
+func repeat_actions() -> void:
+	if layout.is_every_tick:
+		_apply()
+
+
+## Collects what the last step brought: rewards, ends of episodes and final observations. Agents
+## whose episode has ended are left inactive; [LudusGame] begins the next one.
+func collect_outcomes() -> void:
+	clear_outcomes()
+	var limit := layout.max_steps if layout.max_steps > 0 else NO_LIMIT
+	var has_truncation := layout.has_truncation
+	for slot in _targets.size():
+		if active[slot] == 0:
+			continue
+		var target = _targets[slot]
+		var steps := _steps[slot] + 1
+		_steps[slot] = steps
+		_rewards[slot] = target.get_reward()
+		if target.is_done():
+			_terminated[slot] = 1
+			_end(slot)
+		elif steps >= limit or (has_truncation and target.is_truncated()):
+			_truncated[slot] = 1
+			_end(slot)
+
+
+## Forgets the outcomes of the last step.
+func clear_outcomes() -> void:
+	var num := agents.size()
+	_rewards.resize(num)
+	_rewards.fill(0.0)
+	_terminated.resize(num)
+	_terminated.fill(0)
+	_truncated.resize(num)
+	_truncated.fill(0)
+	final_slots.resize(0)
+	_final_parts.clear()
+	for _i in layout.entries.size():
+		_final_parts.append(PoolByteArray())
+
+
+## Puts this policy's part of a [code]BATCH[/code] (PROTOCOL.md §7) into a frame, without final
+## observations.
+func append_to(frame: StreamPeerBuffer) -> void:
+	append_observations(frame)
+	LudusWire.put_bytes(frame, LudusWire.float_bytes(_rewards))
+	LudusWire.pad(frame)
+	for flags in [_terminated, _truncated, active]:
+		LudusWire.put_bytes(frame, flags)
+		LudusWire.pad(frame)
+	if layout.has_action_mask:
+		append_masks(frame)
+
+
+## Puts the entries of what all slots observe into a frame, one after the other, each padded.
+func append_observations(frame: StreamPeerBuffer) -> void:
+	if _flat_size >= 0:
+		_append_flat(frame)
+	else:
+		_append_entries(frame)
+
+
+## Puts the action masks of all slots into a frame; inactive slots may do everything.
+func append_masks(frame: StreamPeerBuffer) -> void:
+	var free := PoolByteArray()
+	free.resize(layout.mask_size)
+	free.fill(1)
+	for slot in _targets.size():
+		var mask = _targets[slot].get_action_mask() if active[slot] == 1 else free
+		if not mask is PoolByteArray or mask.size() != layout.mask_size:
+			_fail(slot, "get_action_mask()", "%d bytes" % layout.mask_size, mask)
+			mask = free
+		LudusWire.put_bytes(frame, mask)
+	LudusWire.pad(frame)
+
+
+## Puts this policy's final observations into a frame (PROTOCOL.md §7).
+func append_final_to(frame: StreamPeerBuffer) -> void:
+	frame.put_u32(final_slots.size())
+	frame.put_u32(0)
+	if final_slots.empty():
+		return
+	LudusWire.put_bytes(frame, LudusWire.int_bytes(final_slots))
+	LudusWire.pad(frame)
+	for part in _final_parts:
+		LudusWire.put_bytes(frame, part)
+		LudusWire.pad(frame)
+
+
+## Plays one step with random actions, as the ceiling that [code]run_ceiling[/code] measures: all
+## that the game itself does, nothing of the bridge.
+func play_randomly(rng: RandomNumberGenerator) -> void:
+	var limit := layout.max_steps if layout.max_steps > 0 else NO_LIMIT
+	for slot in _targets.size():
+		var target = _targets[slot]
+		if target == _lost:
+			continue
+		var steps := _steps[slot] + 1
+		target.get_reward()
+		if target.is_done() or steps >= limit:
+			steps = 0
+			agents[slot].world.begin_episode()
+			target.reset()
+		_steps[slot] = steps
+		target.get_observation()
+		target.apply_action(layout.random_action(rng))
+
+
+func _apply() -> void:
+	if layout.num_discrete == 1 and layout.continuous_size == 0:
+		for slot in _targets.size():
+			if active[slot] == 1:
+				_targets[slot].apply_action(_discrete[slot])
+		return
+	for slot in _targets.size():
+		if active[slot] == 1:
+			_targets[slot].apply_action(layout.action_of(slot, _discrete, _continuous))
+
+
+func _end(slot: int) -> void:
+	active[slot] = 0
+	final_slots.append(slot)
+	var value = _targets[slot].get_observation()
+	for i in layout.entries.size():
+		var part: PoolByteArray = _final_parts[i]
+		part.append_array(_entry_bytes(slot, layout.entries[i], value))
+		_final_parts[i] = part
+
+
+func _append_flat(frame: StreamPeerBuffer) -> void:
+	var numbers := PoolRealArray()
+	var zeros := PoolRealArray()
+	zeros.resize(_flat_size)
+	zeros.fill(0.0)
+	var size := _flat_size
+	for slot in _targets.size():
+		if active[slot] == 0:
+			numbers.append_array(zeros)
+			continue
+		var value = _targets[slot].get_observation()
+		if value is PoolRealArray and value.size() == size:
+			numbers.append_array(value)
+		else:
+			numbers.append_array(_flat_numbers(slot, value))
+	LudusWire.put_bytes(frame, LudusWire.float_bytes(numbers))
+	LudusWire.pad(frame)
+
+
+func _append_entries(frame: StreamPeerBuffer) -> void:
+	var values := []
+	for slot in _targets.size():
+		values.append(_targets[slot].get_observation() if active[slot] == 1 else null)
+	for entry in layout.entries:
+		for slot in _targets.size():
+			if active[slot] == 1:
+				LudusWire.put_bytes(frame, _entry_bytes(slot, entry, values[slot]))
+			else:
+				LudusWire.put_zeros(frame, entry.num_bytes())
+		LudusWire.pad(frame)
+
+
+## The numbers of a flat observation that is no [PoolRealArray] of the right size.
+func _flat_numbers(slot: int, value) -> PoolRealArray:
+	var bytes := _entry_bytes(slot, layout.entries[0], value)
+	return LudusWire.read_floats(bytes, 0, _flat_size)
+
+
+## Bytes of one entry of what the game returned; zeros after noting the error if it does not fit.
+func _entry_bytes(slot: int, entry: LudusObservationEntry, value) -> PoolByteArray:
+	var part = value
+	if value is Dictionary:
+		part = value.get(entry.name)
+	elif layout.entries.size() > 1:
+		part = null
+	var bytes := entry.to_bytes(part)
+	if bytes.empty():
+		_fail(slot, 'observation["%s"]' % entry.name, "%d numbers" % entry.size(), part)
+		bytes.resize(entry.num_bytes())
+		bytes.fill(0)
+	return bytes
+
+
+func _fail(slot: int, what: String, expected: String, got) -> void:
+	if error.empty():
+		var found := LudusObservationEntry.describe_value(got)
+		error = "%s: %s: expected %s, got %s" % [_where(slot), what, expected, found]
+
+
+func _where(slot: int) -> String:
+	var agent: LudusAgent = agents[slot]
+	if agent == null:
+		return "policy %s, slot %d" % [policy_name, slot]
+	return "world %d, agent %s, step %d" % [agent.world.index, agent.path_in_world(), _steps[slot]]

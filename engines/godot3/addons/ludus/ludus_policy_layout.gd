@@ -1,0 +1,147 @@
+class_name LudusPolicyLayout
+extends Reference
+## What all agents of a policy have in common: entries, action components, limits, sizes.
+
+## Entries of the observation, in wire order.
+var entries: Array = []
+## Components of the action, in wire order.
+var components: Array = []
+## Whether the game has [code]get_action_mask()[/code].
+var has_action_mask: bool = false
+## Whether the game has [code]is_truncated()[/code].
+var has_truncation: bool = false
+## Whether the game gets the action in every tick of a step.
+var is_every_tick: bool = true
+## Steps after which an episode is truncated; 0: never.
+var max_steps: int = 0
+## Bytes of one agent's action mask.
+var mask_size: int = 0
+## Number of choices in an action.
+var num_discrete: int = 0
+## Count of numbers in an action.
+var continuous_size: int = 0
+## What is wrong with the declarations, or an empty text.
+var error: String = ""
+
+var _settings: Dictionary = {}
+var _episode: String = "agent"
+
+
+## Takes over the declarations of an agent. [param max_steps_override] of 0 leaves the limit to it.
+## An agent that declares no entries has [param known_entries], or those of its first observation.
+func _init(first: LudusAgent, max_steps_override: int, known_entries: Array = []) -> void:
+	components = first.action
+	has_action_mask = first.has_action_mask
+	has_truncation = first.has_truncation()
+	is_every_tick = first.action_timing == LudusAgent.ActionTiming.EVERY_TICK
+	max_steps = max_steps_override if max_steps_override > 0 else first.max_episode_steps
+	for part in components:
+		if part.kind == LudusActionComponent.Kind.DISCRETE:
+			num_discrete += 1
+			mask_size += part.n
+		else:
+			continuous_size += part.size
+	entries = first.observation if not first.observation.empty() else known_entries
+	if entries.empty():
+		entries = _infer_entries(first)
+	if first.settings != null:
+		_settings = first.settings.to_json()
+	if first.world.episode_mode == LudusWorld.Episode.WORLD:
+		_episode = "world"
+
+
+## Whether an observation is one float32 entry, the quick case.
+func is_flat() -> bool:
+	return entries.size() == 1 and entries[0].dtype == LudusObservationEntry.DType.FLOAT32
+
+
+## Number of bytes of the actions of [param num_agents] agents (PROTOCOL.md §6).
+func action_bytes(num_agents: int) -> int:
+	return discrete_bytes(num_agents) + LudusWire.padded(num_agents * continuous_size * 4)
+
+
+## Number of bytes of their choices.
+func discrete_bytes(num_agents: int) -> int:
+	return LudusWire.padded(num_agents * num_discrete * 8)
+
+
+## One agent's action, as the game gets it.
+func action_of(slot: int, discrete: Array, continuous: Array):
+	if continuous_size == 0:
+		if num_discrete == 1:
+			return discrete[slot]
+		return PoolIntArray(discrete.slice(slot * num_discrete, (slot + 1) * num_discrete - 1))
+	if num_discrete == 0:
+		return _numbers_of(continuous, slot * continuous_size, continuous_size)
+	var by_name := {}
+	var next_choice := slot * num_discrete
+	var next_number := slot * continuous_size
+	for part in components:
+		if part.kind == LudusActionComponent.Kind.DISCRETE:
+			by_name[part.name] = discrete[next_choice]
+			next_choice += 1
+		else:
+			by_name[part.name] = _numbers_of(continuous, next_number, part.size)
+			next_number += part.size
+	return by_name
+
+
+## Draws an action the policy could take.
+func random_action(rng: RandomNumberGenerator):
+	if num_discrete == 1 and continuous_size == 0:
+		return rng.randi() % components[0].n
+	var discrete := []
+	var continuous := []
+	for part in components:
+		if part.kind == LudusActionComponent.Kind.DISCRETE:
+			discrete.append(rng.randi() % part.n)
+			continue
+		for _i in part.size:
+			continuous.append(rng.randf_range(part.low, part.high))
+	return action_of(0, discrete, continuous)
+
+
+## Describes the policy for the handshake (PROTOCOL.md §4), but for its agents.
+func to_json() -> Dictionary:
+	var observation := []
+	for entry in entries:
+		observation.append(entry.to_json())
+	var action := []
+	for part in components:
+		action.append(part.to_json())
+	return {
+		"episode": _episode,
+		"max_episode_steps": max_steps if max_steps > 0 else null,
+		"observation": observation,
+		"action": action,
+		"has_action_mask": has_action_mask,
+		"settings": _settings,
+	}
+
+
+static func _numbers_of(continuous: Array, from: int, count: int) -> PoolRealArray:
+	return PoolRealArray(continuous.slice(from, from + count - 1))
+
+
+func _infer_entries(first: LudusAgent) -> Array:
+	first.target.reset()
+	var value = first.target.get_observation()
+	var inferred := []
+	if not value is Dictionary:
+		value = {"observation": value}
+	for key in value:
+		var entry := LudusObservationEntry.infer(str(key), value[key])
+		if entry == null or entry.size() == 0:
+			error = (
+				'agent %s: get_observation() returned no numbers for entry "%s", but %s'
+				% [
+					first.path_in_world(),
+					key,
+					LudusObservationEntry.describe_value(value[key]),
+				]
+			)
+			return []
+		inferred.append(entry)
+	if inferred.empty():
+		error = "agent %s: get_observation() returned an empty dictionary" % first.path_in_world()
+	return inferred

@@ -1,0 +1,227 @@
+class_name LudusWire
+extends Reference
+## The names and sizes of PROTOCOL.md, and the payloads that need no spec. No input or output.
+##
+## A frame that is being written is a [StreamPeerBuffer]: a [PoolByteArray] would be copied at
+## every call.
+
+## Frame types (PROTOCOL.md §1).
+enum Type {
+	NONE,
+	HELLO,
+	WELCOME,
+	SPEC,
+	RESET,
+	STEP,
+	BATCH,
+	CALL,
+	RESULT,
+	PING,
+	PONG,
+	ERROR,
+	CLOSE,
+}
+
+## What a [code]RESET[/code] does to a world (PROTOCOL.md §5).
+enum ResetAction {
+	LEAVE,
+	NEXT_EPISODE,
+	SEED,
+}
+
+const PROTOCOL_MIN := 1
+const PROTOCOL_MAX := 1
+const ADDON_VERSION := "0.1.0"
+const CAPABILITIES := ["call", "ceiling", "rebuild", "requests", "reset_worlds"]
+const HEADER_BYTES := 8
+const MAX_PAYLOAD_BYTES := 268435456
+const MAX_JSON_BYTES := 16777216
+const MAX_PING_BYTES := 1048576
+const DEFAULT_PORT := 11011
+const BATCH_HEAD_BYTES := 24
+const FLAG_RESET := 1
+const FLAG_REQUESTS := 2
+
+## Bytes that [code]var2bytes[/code] puts before the elements of a pool array: type and count.
+const _VARIANT_HEAD_BYTES := 8
+
+
+## Returns an empty frame of the given type, to put a payload into; see [method finish].
+static func begin(type: int) -> StreamPeerBuffer:
+	var frame := StreamPeerBuffer.new()
+	frame.put_u32(0)
+	frame.put_u32(type)
+	return frame
+
+
+## Writes the length of the payload into a frame's header and returns the whole frame.
+static func finish(frame: StreamPeerBuffer) -> PoolByteArray:
+	frame.seek(0)
+	frame.put_u32(frame.get_size() - HEADER_BYTES)
+	return frame.data_array
+
+
+## Returns a whole frame with a JSON payload.
+static func json_frame(type: int, value: Dictionary) -> PoolByteArray:
+	return raw_frame(type, LudusJson.write(value).to_utf8())
+
+
+## Returns a whole frame with the given payload.
+static func raw_frame(type: int, payload: PoolByteArray) -> PoolByteArray:
+	var frame := begin(type)
+	put_bytes(frame, payload)
+	return finish(frame)
+
+
+## Largest payload a trainer may send in a frame of this type; -1 if it may not send the type.
+static func max_payload_bytes(type: int) -> int:
+	match type:
+		Type.WELCOME, Type.CALL, Type.ERROR:
+			return MAX_JSON_BYTES
+		Type.RESET, Type.STEP:
+			return MAX_PAYLOAD_BYTES
+		Type.PING:
+			return MAX_PING_BYTES
+		Type.CLOSE:
+			return 0
+	return -1
+
+
+## Puts zeros into a frame up to a multiple of 8 bytes. Header and alignment are both 8, so the
+## length of the frame may stand for the length of the payload.
+static func pad(frame: StreamPeerBuffer) -> void:
+	var rest := frame.get_position() & 7
+	if rest != 0:
+		put_zeros(frame, 8 - rest)
+
+
+## Puts [param num_bytes] zeros into a frame.
+static func put_zeros(frame: StreamPeerBuffer, num_bytes: int) -> void:
+	var zeros := PoolByteArray()
+	zeros.resize(num_bytes)
+	zeros.fill(0)
+	put_bytes(frame, zeros)
+
+
+## Puts bytes into a frame; Godot refuses to put none.
+static func put_bytes(frame: StreamPeerBuffer, bytes: PoolByteArray) -> void:
+	if not bytes.empty():
+		# There is no other way for this to fail.
+		var _ok := frame.put_data(bytes)
+
+
+## Number of bytes with padding to a multiple of 8.
+static func padded(num_bytes: int) -> int:
+	return (num_bytes + 7) & ~7
+
+
+## Wire bytes of float32 numbers.
+static func float_bytes(numbers: PoolRealArray) -> PoolByteArray:
+	if numbers.empty():
+		return PoolByteArray()
+	return var2bytes(numbers).subarray(_VARIANT_HEAD_BYTES, -1)
+
+
+## Wire bytes of 32-bit whole numbers.
+static func int_bytes(numbers: PoolIntArray) -> PoolByteArray:
+	if numbers.empty():
+		return PoolByteArray()
+	return var2bytes(numbers).subarray(_VARIANT_HEAD_BYTES, -1)
+
+
+## Wire bytes of 64-bit whole numbers.
+static func long_bytes(numbers: Array) -> PoolByteArray:
+	var buffer := StreamPeerBuffer.new()
+	for number in numbers:
+		buffer.put_64(number)
+	return buffer.data_array
+
+
+## Reads [param count] float32 numbers at [param offset].
+static func read_floats(payload: PoolByteArray, offset: int, count: int) -> PoolRealArray:
+	if count == 0:
+		return PoolRealArray()
+	return bytes2var(_variant(TYPE_REAL_ARRAY, payload, offset, count))
+
+
+## Reads [param count] 64-bit whole numbers at [param offset] that fit into 31 bits, as choices do.
+static func read_choices(payload: PoolByteArray, offset: int, count: int) -> Array:
+	if count == 0:
+		return []
+	var halves: PoolIntArray = bytes2var(_variant(TYPE_INT_ARRAY, payload, offset, 2 * count))
+	return Array(halves).slice(0, 2 * count - 1, 2)
+
+
+## Reads an unsigned 32-bit number at [param offset].
+static func read_u32(bytes: PoolByteArray, offset: int) -> int:
+	var low := bytes[offset] | bytes[offset + 1] << 8
+	return low | bytes[offset + 2] << 16 | bytes[offset + 3] << 24
+
+
+## Reads the JSON object of a payload; null if it is none.
+static func read_json(payload: PoolByteArray):
+	var json := JSON.parse(payload.get_string_from_utf8())
+	if json.error != OK or not json.result is Dictionary:
+		return null
+	return json.result
+
+
+## Reads a [code]RESET[/code] (PROTOCOL.md §5) for [param num_worlds] worlds: a dictionary of
+## [code]seeds[/code], [code]actions[/code] and [code]parameters[/code]; empty if it is malformed.
+static func read_reset(payload: PoolByteArray, num_worlds: int) -> Dictionary:
+	var head := 8 + padded(num_worlds * 9)
+	if payload.size() <= head or read_u32(payload, 0) != num_worlds or num_worlds == 0:
+		return {}
+	if payload.size() != head + read_u32(payload, 4):
+		return {}
+	var actions := Array(payload.subarray(8 + num_worlds * 8, 7 + num_worlds * 9))
+	for action in actions:
+		if action > ResetAction.SEED:
+			return {}
+	var json := JSON.parse(payload.subarray(head, -1).get_string_from_utf8())
+	if json.error != OK or not _are_parameters(json.result, num_worlds):
+		return {}
+	var seeds := _read_longs(payload, 8, num_worlds)
+	return {"seeds": seeds, "actions": actions, "parameters": json.result}
+
+
+## Writes a [code]RESET[/code]; the counterpart of [method read_reset], for tests of the format.
+static func reset_frame(seeds: Array, actions: PoolByteArray, parameters) -> PoolByteArray:
+	var text := LudusJson.write(parameters).to_utf8()
+	var frame := begin(Type.RESET)
+	frame.put_u32(seeds.size())
+	frame.put_u32(text.size())
+	put_bytes(frame, long_bytes(seeds))
+	put_bytes(frame, actions)
+	pad(frame)
+	put_bytes(frame, text)
+	return finish(frame)
+
+
+static func _variant(type: int, payload: PoolByteArray, offset: int, count: int) -> PoolByteArray:
+	var bytes := var2bytes(PoolIntArray([count])).subarray(_VARIANT_HEAD_BYTES, -1)
+	var whole := PoolByteArray([type, 0, 0, 0])
+	whole.append_array(bytes)
+	whole.append_array(payload.subarray(offset, offset + 4 * count - 1))
+	return whole
+
+
+static func _read_longs(payload: PoolByteArray, offset: int, count: int) -> Array:
+	var buffer := StreamPeerBuffer.new()
+	buffer.data_array = payload
+	buffer.seek(offset)
+	var numbers := []
+	for _i in count:
+		numbers.append(buffer.get_64())
+	return numbers
+
+
+static func _are_parameters(value, num_worlds: int) -> bool:
+	if value == null or value is Dictionary:
+		return true
+	if not value is Array or value.size() != num_worlds:
+		return false
+	for item in value:
+		if item != null and not item is Dictionary:
+			return false
+	return true

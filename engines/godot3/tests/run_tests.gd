@@ -1,0 +1,74 @@
+extends SceneTree
+## Runs all tests: [code]godot3-server --path engines/godot3 -s tests/run_tests.gd --
+## --golden=FOLDER[/code]. Prints a line per failure and exits with 1 if there are any.
+
+const LudusTest := preload("ludus_test.gd")
+const FOLDER := "res://tests"
+
+var _num_passed: int = 0
+var _num_failed: int = 0
+
+
+func _initialize() -> void:
+	# Nodes can enter the tree only when it runs.
+	call_deferred("_run")
+
+
+func _run() -> void:
+	for file in _test_files():
+		_run_file(file)
+	print("%d passed, %d failed" % [_num_passed, _num_failed])
+	quit(0 if _num_failed == 0 and _num_passed > 0 else 1)
+
+
+func _run_file(file: String) -> void:
+	var script: GDScript = load(FOLDER.plus_file(file))
+	if script == null or not script.can_instance():
+		_report(file, ["the file cannot be loaded"])
+		return
+	var listed: LudusTest = script.new()
+	for test_name in listed.list_tests():
+		var test: LudusTest = script.new()
+		test.tree = self
+		test.golden_folder = _golden_folder()
+		test.call(test_name)
+		if test.num_checks == 0:
+			test.failures.append("the test broke off, or checks nothing")
+		_report("%s %s" % [file, test_name], test.failures)
+		_clear()
+
+
+func _report(where: String, failures: Array) -> void:
+	if failures.empty():
+		_num_passed += 1
+	else:
+		_num_failed += 1
+	for failure in failures:
+		print("FAILED %s: %s" % [where, failure])
+
+
+## Removes what a test has left in the tree.
+func _clear() -> void:
+	for child in root.get_children():
+		child.free()
+
+
+func _test_files() -> Array:
+	var files := []
+	var directory := Directory.new()
+	if directory.open(FOLDER) != OK or directory.list_dir_begin(true) != OK:
+		return files
+	var file := directory.get_next()
+	while not file.empty():
+		if file.begins_with("test_") and file.ends_with(".gd"):
+			files.append(file)
+		file = directory.get_next()
+	files.sort()
+	return files
+
+
+func _golden_folder() -> String:
+	for argument in OS.get_cmdline_args():
+		if argument.begins_with("--golden="):
+			return argument.trim_prefix("--golden=")
+	return ""

@@ -1,0 +1,98 @@
+"""The list of named scripts that Godot 3 keeps in ``project.godot``.
+
+Its editor writes the list when it opens a project; a project that was never opened, or that got
+an add-on since, needs it from us, or ``class_name`` means nothing there.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from ludus.engine.config_file import parse_config, quote_string
+
+__all__ = ["ScriptClass", "add_script_classes", "find_script_classes"]
+
+_CLASSES_KEY = "_global_script_classes"
+_ICONS_KEY = "_global_script_class_icons"
+_CLASS_NAME = re.compile(r'^class_name (\w+)(?:, "([^"]+)")?$', re.MULTILINE)
+_EXTENDS = re.compile(r"^extends (\w+)$", re.MULTILINE)
+_LISTED = re.compile(r'"class":\s*"(\w+)"')
+
+
+@dataclass(frozen=True)
+class ScriptClass:
+    """A script with a ``class_name``.
+
+    Attributes:
+        name: Its name.
+        base: The class that it extends.
+        path: Its ``res://`` path.
+        icon: ``res://`` path of its icon, or an empty text.
+    """
+
+    name: str
+    base: str
+    path: str
+    icon: str
+
+    def entry(self) -> str:
+        """Return the dictionary that the project file holds."""
+        rows = {"base": self.base, "class": self.name, "language": "GDScript", "path": self.path}
+        lines = ",\n".join(f'"{key}": {quote_string(value)}' for key, value in rows.items())
+        return f"{{\n{lines}\n}}"
+
+
+def find_script_classes(folder: Path, root: str) -> list[ScriptClass]:
+    """List the named scripts of a folder, by name.
+
+    Args:
+        folder: Where the scripts lie.
+        root: ``res://`` path of that folder.
+    """
+    found: list[ScriptClass] = []
+    for file in sorted(folder.rglob("*.gd")):
+        text = file.read_text(encoding="utf-8")
+        name, base = _CLASS_NAME.search(text), _EXTENDS.search(text)
+        if name is not None and base is not None:
+            path = f"{root}/{file.relative_to(folder).as_posix()}"
+            found.append(ScriptClass(name[1], base[1], path, name[2] or ""))
+    return sorted(found, key=lambda script: script.name)
+
+
+def add_script_classes(text: str, scripts: list[ScriptClass]) -> str:
+    """Return the text of a Godot 3 project file that lists ``scripts``, beside what it lists.
+
+    The text is returned unchanged if all are listed. What is listed under one of the names stays.
+    """
+    text = _with_empty_lists(text)
+    entries = parse_config(text).entries
+    listed = set(_LISTED.findall(entries[f"/{_CLASSES_KEY}"].value))
+    new = [script for script in scripts if script.name not in listed]
+    icons = [f'"{script.name}": {quote_string(script.icon)}' for script in new]
+    text = _extended(text, _CLASSES_KEY, ", ".join(script.entry() for script in new), ", ")
+    return _extended(text, _ICONS_KEY, ",\n".join(icons), ",\n")
+
+
+def _with_empty_lists(text: str) -> str:
+    """Add the two entries where they are missing, after ``config_version``."""
+    for key, empty in ((_ICONS_KEY, "{\n}"), (_CLASSES_KEY, "[  ]")):
+        entries = parse_config(text).entries
+        if f"/{key}" not in entries:
+            end = entries["/config_version"].end
+            text = f"{text[:end]}\n{key}={empty}{text[end:]}"
+    return text
+
+
+def _extended(text: str, key: str, addition: str, separator: str) -> str:
+    """Put something before the bracket that closes a value."""
+    if not addition:
+        return text
+    entry = parse_config(text).entries[f"/{key}"]
+    opening, closing = entry.value[0], entry.value[-1]
+    inside = entry.value[1:-1].strip()
+    lead = f"{inside}{separator}" if inside else ""
+    space = " " if closing == "]" else "\n"
+    value = f"{opening}{space}{lead}{addition}{space}{closing}"
+    return text[: entry.start] + value + text[entry.end :]

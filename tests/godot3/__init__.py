@@ -1,0 +1,1 @@
+"""The add-on for Godot 3, on the real engine."""

@@ -1,0 +1,74 @@
+"""Godot 3 projects are known by their project file: install, find, run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ludus.addon import addon_status, install_addon
+from ludus.engine import EngineKind, InstalledEngine, TargetKind, resolve_target
+from ludus.engine.bundled import example_names, find_example
+from ludus.errors import TargetError
+from ludus.play import PlayConfig
+from ludus.play_in_engine import play_in_engine
+
+
+def test_the_add_on_is_installed_once(tmp_path: Path) -> None:
+    (tmp_path / "project.godot").write_text("config_version=4\n")
+    change = install_addon(tmp_path)
+    assert "ludus_wire.gd" in change.added
+    assert change.has_enabled_plugin
+    text = (tmp_path / "project.godot").read_text()
+    assert 'enabled=PoolStringArray("res://addons/ludus/plugin.cfg")' in text
+    assert 'Ludus="*res://addons/ludus/ludus_bridge.gd"' in text
+    assert '"class": "LudusAgent"' in text
+    status = addon_status(tmp_path)
+    assert status.is_enabled and status.is_current
+    again = install_addon(tmp_path)
+    assert not (again.added or again.updated or again.removed or again.has_enabled_plugin)
+    assert (tmp_path / "project.godot").read_text() == text
+
+
+def test_each_engine_has_its_own_add_on(tmp_path: Path) -> None:
+    for version, base in ((4, "extends Reference"), (5, "extends RefCounted")):
+        folder = tmp_path / str(version)
+        folder.mkdir()
+        (folder / "project.godot").write_text(f"config_version={version}\n")
+        install_addon(folder)
+        assert base in (folder / "addons/ludus/ludus_wire.gd").read_text()
+
+
+def test_examples_say_their_engine() -> None:
+    assert find_example("cartpole") == (EngineKind.GODOT4, "cartpole")
+    assert find_example("godot4:cartpole") == (EngineKind.GODOT4, "cartpole")
+    assert find_example("godot3:cartpole") == (EngineKind.GODOT3, "cartpole")
+    for text in ("godot3:tag", "godot5:cartpole", ":cartpole", "godot3:", "localhost:80", "x"):
+        assert find_example(text) is None, text
+    assert {"cartpole", "godot3:cartpole", "godot3:pendulum"} <= set(example_names())
+
+
+def test_an_example_for_godot3() -> None:
+    target = resolve_target("godot3:cartpole")
+    assert target.kind is TargetKind.EXAMPLE
+    assert target.engine_kind is EngineKind.GODOT3
+    assert target.scene == "res://examples/cartpole/cartpole.tscn"
+    with pytest.raises(TargetError, match="godot3:cartpole"):
+        resolve_target("godot3:cartpol")
+
+
+def test_a_game_for_godot3_cannot_play_trained_agents_itself() -> None:
+    def on_episode(policy: str, number: int, value: float, length: int) -> None:
+        raise AssertionError((policy, number, value, length))
+
+    config = PlayConfig(target="godot3:cartpole", is_headless=True, num_episodes=1)
+    with pytest.raises(TargetError, match="cannot play trained agents itself"):
+        play_in_engine(config, {}, on_episode)
+
+
+@pytest.mark.engine
+def test_a_project_needs_no_flag(project: Path, godot3: InstalledEngine) -> None:
+    target = resolve_target(project)
+    assert target.engine_kind is EngineKind.GODOT3
+    assert target.find_engine() == godot3
+    assert target.scene == "res://right.tscn"
