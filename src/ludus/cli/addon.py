@@ -5,9 +5,12 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
+
+if TYPE_CHECKING:
+    from ludus.addon import AddonChange
 
 __all__ = ["COMMAND", "run"]
 
@@ -19,10 +22,13 @@ class Install:
     Attributes:
         project: Folder of the project.
         force: Overwrite files of the add-on that were changed there.
+        classic: Let a game that was written for godot-ai use the add-on's classes of the same
+            names; godot-ai's own are put aside.
     """
 
     project: tyro.conf.Positional[Path]
     force: bool = False
+    classic: bool = False
 
 
 @dataclass(frozen=True)
@@ -50,13 +56,29 @@ def run(command: Install | Status) -> int:
 def _install(command: Install) -> int:
     from ludus.addon import install_addon
 
-    change = install_addon(command.project, force=command.force)
+    if command.classic:
+        _install_classic(command)
+    else:
+        _tell("ludus add-on", install_addon(command.project, force=command.force))
+    return 0
+
+
+def _install_classic(command: Install) -> None:
+    from ludus.classic_addon import install_classic
+
+    change = install_classic(command.project, force=command.force)
+    _tell("ludus add-on", change.addon)
+    _tell("ludus_classic", change.classic)
+    for path in change.replaced:
+        sys.stdout.write(f"  replaced: {path} (kept in {change.kept})\n")
+
+
+def _tell(name: str, change: AddonChange) -> None:
     what = "installed" if change.version_before is None else f"was {change.version_before}"
     counts = (
         f"{len(change.added)} new, {len(change.updated)} updated, {len(change.removed)} removed"
     )
-    sys.stdout.write(f"ludus add-on {change.version_after} ({what}): {counts}\n")
-    return 0
+    sys.stdout.write(f"{name} {change.version_after} ({what}): {counts}\n")
 
 
 def _status(command: Status) -> int:
