@@ -7,7 +7,9 @@ import itertools
 import json
 import shutil
 import subprocess
+import sys
 import threading
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,7 +35,9 @@ from ludus.model import PolicyModel, write_model
 from ludus.model.policy_model import Distribution, Linear
 from ludus.session import LaunchOptions, open_session
 from ludus.spec import PolicySpec
+from ludus.train.run_folder import RunFolder
 from ludus.wire.handshake import EngineConfig
+from tests.serve.guided.test_press_play import free_port, servers
 
 pytestmark = [pytest.mark.engine, pytest.mark.timeout(600)]
 
@@ -81,6 +85,18 @@ POLICY = """[ext_resource type="Script" path="res://addons/ludus/ludus_policy.gd
 script = ExtResource("policy")
 model = ExtResource("model")
 
+"""
+
+
+TRAINING = """[gd_scene format=3]
+
+[ext_resource type="Script" path="res://addons/ludus/ludus_training.gd" id="1"]
+
+[node name="Training" type="Node"]
+script = ExtResource("1")
+run_name = "exported"
+port = {port}
+scene_path = "res://examples/cartpole/cartpole.tscn"
 """
 
 
@@ -195,3 +211,34 @@ def test_exported_game_plays_the_policy_of_the_command_line(
     option = f"--ludus-policy=cart={tmp_path / 'worst.ludus.json'}"
     episodes = play_alone(game, tmp_path, 5, option).episodes
     assert all(0 < episode["length"] < FULL_LENGTH / 2 for episode in episodes)
+
+
+def test_exported_game_guides_its_training(
+    project: Path, template: ExportTemplate, tmp_path: Path
+) -> None:
+    folder, port = tmp_path / "project", free_port()
+    shutil.copytree(project, folder)
+    (folder / "training.tscn").write_text(TRAINING.format(port=port))
+    settings = (folder / "project.godot").read_text()
+    settings = replace_once(settings, "res://balance.tscn", "res://training.tscn")
+    (folder / "project.godot").write_text(settings)
+    game = export_game(folder, tmp_path / "exported" / "game.x86_64")
+    shutil.rmtree(folder)
+    environment = {"HOME": str(tmp_path), "LUDUS_PYTHON": sys.executable}
+    command = [str(game), "--headless"]
+    deadline = time.monotonic() + TIMEOUT_S
+    with subprocess.Popen(command, cwd=tmp_path, env=environment) as process:
+        try:
+            while not (found := list(tmp_path.rglob("exported/metrics.jsonl"))):
+                assert process.poll() is None
+                assert time.monotonic() < deadline, list(tmp_path.rglob("*"))
+                time.sleep(0.1)
+        finally:
+            process.kill()
+    while servers(port):
+        assert time.monotonic() < deadline, "the server outlives the game"
+        time.sleep(0.1)
+    run = RunFolder(found[0].parent)
+    assert run.path.parent.name == "runs"
+    assert "app_userdata" in str(run.path)
+    assert run.checkpoints().newest()[1].agent_steps > 0
