@@ -30,8 +30,8 @@ func test_the_greeting_tells_of_the_run() -> void:
 
 func test_the_run_is_called_like_its_scene() -> void:
 	var training := _training()
-	training.scene_path = "res://some where/ball chase.tscn"
-	equal(training.to_json()["run"], "ball_chase", "a name that the trainer takes")
+	training.scene_path = "res://some where/ball chäse.tscn"
+	equal(training.to_json()["run"], "ball_ch_se", "a name that the trainer takes")
 
 
 func test_a_world_that_is_trained_is_not_in_charge() -> void:
@@ -83,6 +83,18 @@ func test_a_status_with_nonsense_changes_nothing() -> void:
 	equal(training.state, LudusTraining.State.OFFLINE, "the state")
 	equal(training.modes.size(), 0, "the modes")
 	equal(training.message, "", "the message")
+
+
+func test_what_is_refused_is_shown() -> void:
+	var training := _training()
+	add(training)
+	check(not training.start(), "nobody listens")
+	check("no trainer is connected" in training.message or "autoload" in training.message, "why")
+	var requests := LudusRequests.new()
+	requests.open(["requests", "guided"])
+	requests.policy_names = ["hero"]
+	check(not requests.set_mode("nobody", 0), "an unknown policy")
+	equal(requests.complaint, 'there is no policy "nobody"; the game has: hero', "why")
 
 
 func test_keys_are_input_actions() -> void:

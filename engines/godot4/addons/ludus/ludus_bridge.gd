@@ -75,9 +75,12 @@ static func has_trainer_arguments() -> bool:
 	return arguments.has_trainer() or not arguments.play_scene.is_empty()
 
 
-## Calls one of the methods that ask something of the trainer; false without the autoload.
-static func ask(method: StringName, arguments: Array = []) -> bool:
-	return _instance != null and _instance.callv(method, arguments)
+## Calls one of the methods that ask something of the trainer. Returns why that was refused, or an
+## empty text.
+static func ask(method: StringName, arguments: Array = []) -> String:
+	if _instance == null:
+		return "the autoload Ludus is missing; enable the plugin Ludus"
+	return "" if _instance.callv(method, arguments) else _instance._requests.complaint
 
 
 ## Lets [param training] guide the trainer at the other end of [param link].

@@ -17,6 +17,8 @@ const MODES: PackedStringArray = ["train", "frozen", "deterministic"]
 var refusal: String = "no trainer is connected"
 ## Whether the trainer lets the game guide it.
 var is_guided: bool = false
+## Why the last request that was refused was refused.
+var complaint: String = ""
 ## The policies there are; empty as long as that is not known.
 var policy_names: PackedStringArray = []
 
@@ -37,12 +39,10 @@ func open(capabilities: Array) -> void:
 ## Asks for another mode of a policy. Returns false if that cannot be.
 func set_mode(policy: String, mode: int) -> bool:
 	if mode < 0 or mode >= MODES.size():
-		push_warning("ludus: there is no policy mode %d" % mode)
-		return false
+		return _complain("there is no policy mode %d" % mode)
 	if not _is_policy(policy):
 		var known := ", ".join(policy_names)
-		push_warning('ludus: there is no policy "%s"; the game has: %s' % [policy, known])
-		return false
+		return _complain('there is no policy "%s"; the game has: %s' % [policy, known])
 	return add({"kind": "set_mode", "policy": policy, "mode": MODES[mode]})
 
 
@@ -57,8 +57,7 @@ func close() -> void:
 ## Asks for something that only a trainer does which the game guides. Returns whether there is one.
 func add_guided(kind: String) -> bool:
 	if refusal.is_empty() and not is_guided:
-		push_warning("ludus: %s is ignored: the game does not guide this trainer" % kind)
-		return false
+		return _complain("%s is ignored: the game does not guide this trainer" % kind)
 	return add({"kind": kind})
 
 
@@ -66,10 +65,9 @@ func add_guided(kind: String) -> bool:
 ## many worlds may ask for the same. Returns whether there is a trainer to ask.
 func add(request: Dictionary) -> bool:
 	if not refusal.is_empty():
-		if not _has_told_refusal:
-			push_warning("ludus: %s is ignored: %s" % [request["kind"], refusal])
+		var is_new := not _has_told_refusal
 		_has_told_refusal = true
-		return false
+		return _complain("%s is ignored: %s" % [request["kind"], refusal], is_new)
 	_waiting.erase(request)
 	if _waiting.size() == MAX_WAITING:
 		if not _has_told_overflow:
@@ -90,6 +88,13 @@ func take() -> Array[Dictionary]:
 ## What the queue adds to the flags of a [code]BATCH[/code] (PROTOCOL.md §7).
 func flags() -> int:
 	return 0 if _waiting.is_empty() else LudusWire.FLAG_REQUESTS
+
+
+func _complain(text: String, is_told: bool = true) -> bool:
+	complaint = text
+	if is_told:
+		push_warning("ludus: ", text)
+	return false
 
 
 func _is_policy(policy: String) -> bool:

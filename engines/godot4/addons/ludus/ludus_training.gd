@@ -99,29 +99,29 @@ func connect_trainer() -> void:
 
 ## Trains until [method stop]. Returns false if no trainer listens.
 func start() -> bool:
-	return LudusBridge.ask(&"start_training")
+	return _ask(&"start_training")
 
 
 ## Ends training, with a checkpoint, or the round that is played. Returns false if no trainer
 ## listens.
 func stop() -> bool:
-	return LudusBridge.ask(&"stop_training")
+	return _ask(&"stop_training")
 
 
 ## Plays one round with the most probable actions of all policies, at a speed for people. Returns
 ## false if no trainer listens.
 func play_round() -> bool:
-	return LudusBridge.ask(&"play_round")
+	return _ask(&"play_round")
 
 
 ## Writes all policies for use in the game, see [LudusPolicy]. Returns false if no trainer listens.
 func write_policies() -> bool:
-	return LudusBridge.ask(&"write_policies")
+	return _ask(&"write_policies")
 
 
 ## Puts a policy into another mode; see [method LudusBridge.set_policy_mode].
 func set_policy_mode(policy: String, mode: LudusBridge.PolicyMode) -> bool:
-	return LudusBridge.ask(&"set_policy_mode", [policy, mode])
+	return _ask(&"set_policy_mode", [policy, mode])
 
 
 ## Lets only [param policies] learn; all others play their most probable actions.
@@ -209,6 +209,13 @@ func _give_up(reason: String) -> void:
 	take_leave(reason)
 
 
+func _ask(method: StringName, arguments: Array = []) -> bool:
+	var complaint := LudusBridge.ask(method, arguments)
+	if not complaint.is_empty():
+		message = complaint
+	return complaint.is_empty()
+
+
 func _note_modes(policies: Variant) -> void:
 	if policies is not Dictionary:
 		return
@@ -238,7 +245,8 @@ func _run_name() -> String:
 	var path := scene_path
 	if path.is_empty() and get_tree().current_scene != null:
 		path = get_tree().current_scene.scene_file_path
-	return path.get_file().get_basename().validate_node_name().replace(" ", "_")
+	var others := RegEx.create_from_string("[^A-Za-z0-9_-]")
+	return others.sub(path.get_file().get_basename(), "_", true)
 
 
 static func _folder(chosen: String, usual: String) -> String:
