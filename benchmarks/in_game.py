@@ -1,6 +1,6 @@
 """Measure policies inside real Godot and print the table of docs/in_game.md.
 
-Run on a quiet machine: `python benchmarks/in_game.py [--quick]`.
+Run on a quiet machine: `python benchmarks/in_game.py [--quick] [--godot3]`.
 """
 
 from __future__ import annotations
@@ -42,9 +42,11 @@ class Options:
 
     Attributes:
         quick: Short rounds, to see that it works.
+        godot3: Godot 3 (docs/godot3.md) instead of Godot 4.
     """
 
     quick: bool = False
+    godot3: bool = False
 
 
 class Weights:
@@ -118,14 +120,17 @@ def models() -> dict[str, PolicyModel]:
     }
 
 
-def measure(folder: Path, quick: bool) -> list[dict[str, Any]]:
+def measure(folder: Path, options: Options) -> list[dict[str, Any]]:
     """Run the engine and return its lines."""
-    engine = find_engine(EngineKind.GODOT4)
-    project = read_project(runnable_bundled_root())
+    kind = EngineKind.GODOT3 if options.godot3 else EngineKind.GODOT4
+    engine = find_engine(kind)
+    project = read_project(runnable_bundled_root(kind))
     ensure_imported(engine, project)
-    script = Path(__file__).with_name("in_game.gd")
-    command = [str(engine.executable(headless=True)), "--headless", "--path", str(project.root)]
-    user_args = ["--", f"--models={folder}", f"--budget-us={50_000 if quick else 2_000_000}"]
+    script = Path(__file__).with_name("in_game3.gd" if options.godot3 else "in_game.gd")
+    display = "--no-window" if options.godot3 else "--headless"
+    command = [str(engine.executable(headless=True)), display, "--path", str(project.root)]
+    budget_us = 50_000 if options.quick else 2_000_000
+    user_args = ["--", f"--models={folder}", f"--budget-us={budget_us}"]
     done = subprocess.run(
         [*command, "-s", str(script), *user_args], capture_output=True, text=True, check=True
     )
@@ -139,7 +144,7 @@ def main(options: Options) -> None:
         for title, model in models().items():
             write_model(folder / f"{title}.json", model)
         print(HEAD)
-        for line in measure(folder, options.quick):
+        for line in measure(folder, options):
             title = line["file"][2:].removesuffix(".json")
             figures = f"{line['network_us']:.1f} | {line['all_us']:.1f}"
             print(f"| {title} | {line['agents']} | {figures} |", flush=True)

@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, cast
 
-from ludus.engine import EngineKind, EngineProcess, GodotFlags, LaunchConfig, resolve_target
-from ludus.errors import EngineCrashed, EngineTimeout, GameError, TargetError
+from ludus.engine import EngineProcess, GodotFlags, LaunchConfig, resolve_target
+from ludus.errors import EngineCrashed, EngineTimeout, GameError
 from ludus.play import OnEpisode, PlayConfig
 from ludus.play_command import play_command
 
@@ -47,11 +47,6 @@ def play_in_engine(
         GameError: The game reported an episode in a way that cannot be read.
     """
     target = resolve_target(config.target, scene=config.scene, godot=config.godot)
-    if target.engine_kind is EngineKind.GODOT3:
-        raise TargetError(
-            f"{target.name} is a game for Godot 3, which cannot play trained agents itself",
-            hint="leave --in-engine out: Python plays them",
-        )
     flags = GodotFlags(
         headless=config.is_headless,
         fixed_fps=GodotFlags().fixed_fps if config.is_headless else None,

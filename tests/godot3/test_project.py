@@ -10,8 +10,6 @@ from ludus.addon import addon_status, install_addon
 from ludus.engine import EngineKind, InstalledEngine, TargetKind, resolve_target
 from ludus.engine.bundled import example_names, find_example
 from ludus.errors import TargetError
-from ludus.play import PlayConfig
-from ludus.play_in_engine import play_in_engine
 
 
 def test_the_add_on_is_installed_once(tmp_path: Path) -> None:
@@ -55,15 +53,6 @@ def test_an_example_for_godot3() -> None:
     assert target.scene == "res://examples/cartpole/cartpole.tscn"
     with pytest.raises(TargetError, match="godot3:cartpole"):
         resolve_target("godot3:cartpol")
-
-
-def test_a_game_for_godot3_cannot_play_trained_agents_itself() -> None:
-    def on_episode(policy: str, number: int, value: float, length: int) -> None:
-        raise AssertionError((policy, number, value, length))
-
-    config = PlayConfig(target="godot3:cartpole", is_headless=True, num_episodes=1)
-    with pytest.raises(TargetError, match="cannot play trained agents itself"):
-        play_in_engine(config, {}, on_episode)
 
 
 @pytest.mark.engine

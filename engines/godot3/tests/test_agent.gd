@@ -48,6 +48,10 @@ func test_an_item_of_another_kind() -> void:
 		agent.action.append(item)
 		_check_warning(agent, "an item that is empty or of another kind")
 		check("of another kind" in agent.connect_to_game(), "connect_to_game")
+	var played := _agent(_script(GAME))
+	played.policy = Resource.new()
+	_check_warning(played, "an item that is empty or of another kind")
+	check("of another kind" in played.connect_to_game(), "connect_to_game")
 
 
 func test_an_invalid_component() -> void:

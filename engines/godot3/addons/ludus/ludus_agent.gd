@@ -20,6 +20,8 @@ enum ActionTiming { EVERY_TICK, ONCE }
 
 const GROUP_NAME := "ludus_agents"
 const REQUIRED_METHODS := ["apply_action", "get_observation", "get_reward", "is_done", "reset"]
+## Godot 3 has no static variables; what a constant dictionary holds is shared all the same.
+const _CHANGES := {"count": 0}
 
 ## Agents with one policy name share a network.
 export var policy_name: String = "agent"
@@ -39,9 +41,13 @@ export(int, 0, 1000000) var max_episode_steps: int = 0
 ## Whether the game has [code]get_action_mask()[/code], one byte per alternative, 1 = allowed.
 export var has_action_mask: bool = false
 ## An agent that is not enabled takes no part.
-export var enabled: bool = true
+export var enabled: bool = true setget set_enabled
 ## Training settings of the policy ([LudusPolicySettings]); null: the trainer's choice.
 export var settings: Resource
+## The trained policy ([LudusPolicy]) that plays the agent while no trainer is there.
+export var policy: Resource setget set_policy
+## Whether the policy draws its actions, as in training, instead of taking the most probable ones.
+export var is_sampling: bool = false
 
 ## The node that has the five methods.
 var target: Node
@@ -64,6 +70,7 @@ func _init() -> void:
 
 func _enter_tree() -> void:
 	add_to_group(GROUP_NAME)
+	note_change()
 	var own_world := LudusWorld.find_above(self)
 	if own_world != null:
 		own_world.newcomers.append(self)
@@ -72,6 +79,28 @@ func _enter_tree() -> void:
 
 func _exit_tree() -> void:
 	LudusWorld.announce(LudusWorld.LEAVERS)
+	note_change()
+
+
+## Goes up whenever an agent comes, goes, or is to be played by something else.
+static func num_changes() -> int:
+	return _CHANGES["count"]
+
+
+## Notes that an agent came, went, or is to be played by something else.
+static func note_change() -> void:
+	_CHANGES["count"] += 1
+
+
+func set_enabled(value: bool) -> void:
+	enabled = value
+	note_change()
+
+
+func set_policy(value: Resource) -> void:
+	policy = value
+	note_change()
+	update_configuration_warning()
 
 
 ## Finds target and world. Returns what is wrong with the agent, or an empty text.
@@ -87,7 +116,7 @@ func connect_to_game() -> String:
 	if action.empty():
 		return "no action is declared: add a LudusActionComponent to `action`"
 	if _has_foreign_items():
-		return "`action` or `observation` has an item that is empty or of another kind"
+		return "an item of `action` or `observation`, or `policy`, is empty or of another kind"
 	world = LudusWorld.of(self)
 	return ""
 
@@ -150,6 +179,8 @@ func _has_foreign_items() -> bool:
 	for entry in observation:
 		if not entry is LudusObservationEntry:
 			return true
+	if policy != null and not policy is LudusPolicy:
+		return true
 	return settings != null and not settings is LudusPolicySettings
 
 
@@ -161,8 +192,13 @@ func _get_configuration_warning() -> String:
 		warnings.append("No action is declared: add a LudusActionComponent to `action`.")
 	if _has_foreign_items():
 		warnings.append(
-			"`action`, `observation` or `settings` has an item that is empty or of another kind."
+			(
+				"`action`, `observation`, `settings` or `policy` has "
+				+ "an item that is empty or of another kind."
+			)
 		)
+	elif policy != null and not policy.misfit(self).empty():
+		warnings.append("The policy does not fit: %s." % policy.misfit(self))
 	for component in action:
 		if component is LudusActionComponent and not component.is_valid():
 			warnings.append("Action %s: low must be below high, n at least 1." % component.name)

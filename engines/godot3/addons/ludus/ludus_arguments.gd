@@ -1,6 +1,6 @@
 class_name LudusArguments
 extends Reference
-## What the command line tells the add-on (PROTOCOL.md §10).
+## What the command line tells the add-on (PROTOCOL.md §10, POLICY.md §5).
 
 ## Addresses to connect to, in order.
 var connect_to: Array = []
@@ -12,6 +12,12 @@ var token: String = ""
 var play_scene: String = ""
 ## Process that must stay alive; 0: none.
 var parent_pid: int = 0
+## Policy files that play while no trainer is there, by policy name.
+var policies: Dictionary = {}
+## Whether those policies draw their actions.
+var is_sampling: bool = false
+## Whether every episode that ends is told on the standard error output.
+var has_report: bool = false
 
 
 ## Reads the command line of this process.
@@ -29,6 +35,13 @@ func _init() -> void:
 				token = _read_text(value).strip_edges()
 			"--ludus-parent":
 				parent_pid = int(value)
+			"--ludus-policy":
+				var split := value.find("=")
+				policies[value.left(split)] = value.substr(split + 1)
+			"--ludus-sample":
+				is_sampling = true
+			"--ludus-report":
+				has_report = true
 
 
 ## Whether the game was started by or for a trainer.

@@ -30,6 +30,9 @@ const PLAY_CONNECT_TIMEOUT_MS := 300
 const LISTEN_TIMEOUT_MS := 600000
 const GROUP_NAME := "ludus_bridges"
 
+## Plays agents that have a [LudusPolicy] while no trainer is there.
+var player := LudusPolicyPlayer.new()
+
 var _phase: int = Phase.START
 var _arguments: LudusArguments
 var _link: LudusLink
@@ -52,6 +55,7 @@ var _wait_us: int = 0
 
 
 func _init() -> void:
+	add_child(player)
 	_connect_or_tell("received", "_on_status_received")
 	_connect_or_tell("policy_mode_changed", "_on_policy_mode_changed")
 
@@ -97,6 +101,7 @@ func _physics_process(_delta: float) -> void:
 				_send(_ceiling.result_frame())
 				_serve()
 		Phase.MANUAL:
+			player.advance()
 			_manual.advance()
 		Phase.START:
 			_start()

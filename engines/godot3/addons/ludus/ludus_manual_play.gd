@@ -1,7 +1,8 @@
 class_name LudusManualPlay
 extends Reference
 ## Lets a person play while no trainer is there: agents whose target has
-## [code]get_manual_action()[/code] act on it, and begin anew when they are done.
+## [code]get_manual_action()[/code] act on it, and begin anew when they are done. Agents with a
+## policy are left to [LudusPolicyPlayer].
 
 var _tree: SceneTree
 var _tick: int = 0
@@ -16,7 +17,7 @@ func _init(tree: SceneTree) -> void:
 ## Plays one tick.
 func advance() -> void:
 	for agent in _tree.get_nodes_in_group(LudusAgent.GROUP_NAME):
-		if not agent is LudusAgent or not agent.enabled:
+		if not agent is LudusAgent or not agent.enabled or agent.policy != null:
 			continue
 		if agent.target == null:
 			_begin(agent)

@@ -123,6 +123,17 @@ func action_bytes() -> int:
 	return layout.action_bytes(agents.size())
 
 
+## Adds a free slot and returns it.
+func add_slot() -> int:
+	var slot := agents.size()
+	agents.append(null)
+	_targets.append(_lost)
+	_steps.append(0)
+	active.append(0)
+	_slot_worlds.append(0)
+	return slot
+
+
 ## Reward of a slot in the last step.
 func reward(slot: int) -> float:
 	return _rewards[slot]

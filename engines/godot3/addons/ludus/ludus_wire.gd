@@ -152,6 +152,17 @@ static func read_choices(payload: PoolByteArray, offset: int, count: int) -> Arr
 	return Array(halves).slice(0, 2 * count - 1, 2)
 
 
+## Reads [param count] 64-bit whole numbers at [param offset].
+static func read_longs(payload: PoolByteArray, offset: int, count: int) -> Array:
+	var buffer := StreamPeerBuffer.new()
+	buffer.data_array = payload
+	buffer.seek(offset)
+	var numbers := []
+	for _i in count:
+		numbers.append(buffer.get_64())
+	return numbers
+
+
 ## Reads an unsigned 32-bit number at [param offset].
 static func read_u32(bytes: PoolByteArray, offset: int) -> int:
 	var low := bytes[offset] | bytes[offset + 1] << 8
@@ -181,7 +192,7 @@ static func read_reset(payload: PoolByteArray, num_worlds: int) -> Dictionary:
 	var json := JSON.parse(payload.subarray(head, -1).get_string_from_utf8())
 	if json.error != OK or not _are_parameters(json.result, num_worlds):
 		return {}
-	var seeds := _read_longs(payload, 8, num_worlds)
+	var seeds := read_longs(payload, 8, num_worlds)
 	return {"seeds": seeds, "actions": actions, "parameters": json.result}
 
 
@@ -204,16 +215,6 @@ static func _variant(type: int, payload: PoolByteArray, offset: int, count: int)
 	whole.append_array(bytes)
 	whole.append_array(payload.subarray(offset, offset + 4 * count - 1))
 	return whole
-
-
-static func _read_longs(payload: PoolByteArray, offset: int, count: int) -> Array:
-	var buffer := StreamPeerBuffer.new()
-	buffer.data_array = payload
-	buffer.seek(offset)
-	var numbers := []
-	for _i in count:
-		numbers.append(buffer.get_64())
-	return numbers
 
 
 static func _are_parameters(value, num_worlds: int) -> bool:

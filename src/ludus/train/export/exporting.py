@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ludus.disk import disk_errors, write_atomically
-from ludus.engine import EngineKind, InstalledEngine, find_engine
-from ludus.errors import EngineNotFound
+from ludus.engine import EngineKind, InstalledEngine, find_engine, resolve_target
+from ludus.errors import EngineNotFound, TargetError
 from ludus.model.json_file import write_model
 from ludus.model.policy_model import PolicyModel
+from ludus.train.config import TrainConfig
 from ludus.train.export.convert import to_model
 from ludus.train.export.godot_runtime import find_godot
 from ludus.train.export.parity import (
@@ -86,7 +87,7 @@ def export_policies(config: ExportConfig) -> list[Exported]:
     formats = {format_of(place) for place in places}
     engine = None
     if config.is_tested:
-        engine = _find_engine(formats, config.godot or folder.read_config().godot)
+        engine = _find_engine(formats, config.godot, folder.read_config())
     with tempfile.TemporaryDirectory(prefix="ludus-export-") as name:
         staged = [
             _stage(one, Path(name) / str(index), formats, config.is_tested)
@@ -155,11 +156,23 @@ def _publish(staged: _Staged, place: Path) -> int:
     return len(data)
 
 
-def _find_engine(formats: set[str], godot: Path | None) -> InstalledEngine | None:
-    """Return the Godot to test with; ONNX files can do without."""
+def _find_engine(
+    formats: set[str], named: Path | None, trained: TrainConfig
+) -> InstalledEngine | None:
+    """Return the Godot to test with: the run's, or the one named; ONNX files can do without."""
+    kind, godot = _engine_kind(trained), named or trained.godot
     if JSON in formats or godot is not None:
-        return find_godot(godot)
+        return find_godot(godot, kind)
     try:
-        return find_engine(EngineKind.GODOT4)
+        return find_engine(kind)
     except EngineNotFound:
         return None
+
+
+def _engine_kind(trained: TrainConfig) -> EngineKind:
+    """Return which Godot a run was trained in; 4 where that cannot be told any more."""
+    try:
+        kind = resolve_target(trained.target, scene=trained.scene).engine_kind
+    except TargetError:
+        kind = None
+    return EngineKind.GODOT3 if kind is EngineKind.GODOT3 else EngineKind.GODOT4

@@ -28,23 +28,26 @@ from ludus.train.export.runtimes import Answers
 __all__ = ["answer_with_godot", "find_godot"]
 
 SCRIPT = Path(__file__).with_name("parity.gd")
+SCRIPT3 = Path(__file__).with_name("parity3.gd")
+"""The same for Godot 3."""
 REQUEST, INPUTS, ANSWERS = "request.json", "inputs.bin", "answers.bin"
 TIMEOUT_S = 120.0
 """How long Godot may take for all answers."""
 
 
-def find_godot(godot: Path | None = None) -> InstalledEngine:
+def find_godot(godot: Path | None = None, kind: EngineKind = EngineKind.GODOT4) -> InstalledEngine:
     """Return the engine to test with.
 
     Args:
         godot: The engine the user insists on; None finds one.
+        kind: Which Godot the policy was trained in.
 
     Raises:
         EngineNotFound: There is none; the hint says how to get one, or to do without.
         ConfigError: The engine that the user named cannot be used.
     """
     try:
-        return find_engine(EngineKind.GODOT4, godot)
+        return find_engine(kind, godot)
     except EngineNotFound as error:
         raise EngineNotFound(
             f"the exported policy cannot be tested in Godot: {error.message}",
@@ -66,7 +69,7 @@ def answer_with_godot(
     Raises:
         EngineError: Godot failed, did not end in time, or gave another number of answers.
     """
-    project = find_project(runnable_bundled_root())
+    project = find_project(runnable_bundled_root(engine.kind))
     ensure_imported(engine, project)
     with tempfile.TemporaryDirectory(prefix="ludus-parity-") as name:
         folder = Path(name)
@@ -97,8 +100,11 @@ def _write_request(folder: Path, path: Path, model: PolicyModel, inputs: ParityI
 
 
 def _run(engine: InstalledEngine, project: Path, folder: Path) -> None:
+    is_godot3 = engine.kind is EngineKind.GODOT3
     program = str(engine.executable(headless=True))
-    command = (program, "--headless", "--path", str(project), "-s", str(SCRIPT), "--", str(folder))
+    display = "--no-window" if is_godot3 else "--headless"
+    script = str(SCRIPT3 if is_godot3 else SCRIPT)
+    command = (program, display, "--path", str(project), "-s", script, "--", str(folder))
     with EngineProcess.start(LaunchConfig(command=command)) as process:
         code = process.wait(TIMEOUT_S)
         report = process.describe_death()
