@@ -41,6 +41,26 @@ func test_the_soldier_walks_a_radius_and_zombies_half_of_it_and_all_look_where_t
 	check(is_equal_approx(game.zombies[0].rotation, -PI / 4.0), "zombie looks up")
 
 
+func test_who_walks_into_a_wall_goes_on_along_it() -> void:
+	var game := _open_game()
+	game.map.add_wall(Vector2(-60.0, -80.0), Vector2(-60.0, 80.0))
+	for y: float in [20.0, 40.0]:
+		_step(game, [1.0, 1.0, 0.0, 0.0, 0.0])
+		check(game.soldier.place.distance_to(Vector2(-82.5, y)) < 0.1, "%s" % game.soldier.place)
+	_step(game, [1.0, 0.0, 0.0, 0.0, 0.0])
+	check(game.soldier.place.distance_to(Vector2(-82.5, 40.0)) < 0.1, "%s" % game.soldier.place)
+
+
+func test_nobody_gets_into_a_wall() -> void:
+	var game := _game(3)
+	for i: int in NUM_ROUNDS:
+		game.begin_episode()
+		for step: int in 30:
+			var way := game.world.rng.randf_range(-PI, PI)
+			_step(game, [2.0 * cos(way), 2.0 * sin(way), 0.0, 0.0, 0.0])
+			check(game.map.is_free(game.soldier.place, Fighter.RADIUS), "%s" % game.soldier.place)
+
+
 func test_a_shot_hurts_the_first_zombie_in_its_way() -> void:
 	var game := _open_game()
 	_step(game, SHOOT)

@@ -13,6 +13,9 @@ const WALLS_AT := 1
 const ENEMIES_AT := WALLS_AT + NUM_RAYS
 const FRIENDS_AT := ENEMIES_AT + NUM_RAYS
 
+## What sliding keeps off the wall in a step, pixels: more than rounding takes.
+const _OFF_WALL := 0.02
+
 static var _fan := fan(RAY_ANGLES)
 
 ## From 1 down to 0, which is dead.
@@ -46,7 +49,7 @@ func act(map: Map, step: float) -> void:
 	pain = 0.0
 	if is_alive():
 		rotation = action[2] * PI
-		walk(map, step)
+		_glide(map, Vector2(action[0], action[1]) * step)
 
 
 ## Returns the first senses: rotation, rays to walls, to [param enemies] and to [param friends],
@@ -70,6 +73,35 @@ func sense(
 	senses.append(scaled(health))
 	senses.append(scaled(pain))
 	return senses
+
+
+## Moves by [param motion]; what a wall takes of it goes on along that wall.
+func _glide(map: Map, motion: Vector2) -> void:
+	var share := map.free_share(place, motion, RADIUS)
+	place += motion * share
+	if share < 1.0:
+		place += _way_along_walls(map, motion * (1.0 - share))
+
+
+## Returns the part of [param rest] that leads furthest along one of the walls.
+func _way_along_walls(map: Map, rest: Vector2) -> Vector2:
+	var best := _free_part(map, rest, Vector2.RIGHT, Vector2(0.0, -place.y))
+	var other := _free_part(map, rest, Vector2.DOWN, Vector2(-place.x, 0.0))
+	if other.length_squared() > best.length_squared():
+		best = other
+	for end: int in range(0, map.ends.size(), 2):
+		var along := map.ends[end].direction_to(map.ends[end + 1])
+		other = _free_part(map, rest, along, (place - map.ends[end]).slide(along))
+		if other.length_squared() > best.length_squared():
+			best = other
+	return best
+
+
+## Returns how far [param rest] leads along a wall, kept off it by a trace into the direction
+## [param away].
+func _free_part(map: Map, rest: Vector2, along: Vector2, away: Vector2) -> Vector2:
+	var way := along * rest.dot(along) + away.normalized() * _OFF_WALL
+	return way * map.free_share(place, way, RADIUS)
 
 
 ## Turns a share, 0 to 1, into −1 to 1.
