@@ -9,7 +9,7 @@ GODOT_PROJECT := engines/godot4
 GODOT3_PROJECT := engines/godot3
 # The linters of Godot 3's GDScript are an older version of the same package.
 BIN3 := .venv/gdtoolkit3/bin
-GDSCRIPT3 := addons examples tests
+GDSCRIPT3 := addons examples tests ../../tests/gymgodot
 GDSCRIPT := $(GODOT_PROJECT)/addons $(GODOT_PROJECT)/examples $(GODOT_PROJECT)/gallery $(GODOT_PROJECT)/tests src/ludus/bench src/ludus/train/export benchmarks tests/serve tests/classic
 
 # uv does not read pip's configuration; hand it the index that pip would use.

@@ -1,5 +1,7 @@
 """Make the bundled examples known to Gymnasium as ``ludus/CartPole-v0`` and so on.
 
+GymGodot projects are ``ludus/GymGodot-v0``, or ``server-v0`` as in GymGodot's own package.
+
 ``import ludus`` does it; Gymnasium 1 no longer looks for plug-ins by itself.
 """
 
@@ -9,7 +11,7 @@ from typing import Any, cast
 
 import gymnasium
 
-__all__ = ["ENVIRONMENT_IDS", "register_examples"]
+__all__ = ["ENVIRONMENT_IDS", "GYM_GODOT_IDS", "register_examples"]
 
 ENVIRONMENT_IDS = {
     "ludus/CartPole-v0": "cartpole",
@@ -19,9 +21,12 @@ ENVIRONMENT_IDS = {
 }
 """Gymnasium's id → bundled example. ``tag`` has two policies, which Gymnasium knows nothing of."""
 
+GYM_GODOT_IDS = ("ludus/GymGodot-v0", "server-v0")
+"""Our id and GymGodot's own, so that old programs find it."""
+
 
 def register_examples() -> None:
-    """Register the bundled examples with Gymnasium."""
+    """Register the bundled examples, and GymGodot, with Gymnasium."""
     for environment_id, example in ENVIRONMENT_IDS.items():
         cast(Any, gymnasium).register(
             id=environment_id,
@@ -29,3 +34,5 @@ def register_examples() -> None:
             vector_entry_point="ludus.envs:make_registered_vec",
             kwargs={"target": example},
         )
+    for environment_id in GYM_GODOT_IDS:
+        cast(Any, gymnasium).register(id=environment_id, entry_point="ludus.dialects.gymgodot:make")

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ludus.errors import ProtocolError
-from ludus.serve.godot_ai.godot_json import parse_godot_json
 from ludus.serve.godot_ai.json_stream import MAX_MESSAGE_BYTES, JsonStream
+from ludus.wire.godot_json import parse_godot_json
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(),

@@ -9,7 +9,7 @@ import re
 from typing import Any, cast
 
 from ludus.errors import ProtocolError
-from ludus.serve.godot_ai.godot_json import parse_godot_json
+from ludus.wire.godot_json import parse_godot_json
 
 __all__ = ["MAX_MESSAGE_BYTES", "JsonStream"]
 

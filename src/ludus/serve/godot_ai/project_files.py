@@ -10,7 +10,7 @@ from typing import Any, cast
 from ludus.disk import disk_errors
 from ludus.errors import ProtocolError
 from ludus.serve.godot_ai.fields import Fields, short
-from ludus.serve.godot_ai.godot_json import parse_godot_json
+from ludus.wire.godot_json import parse_godot_json
 
 __all__ = ["ProjectFiles"]
 

@@ -1,0 +1,119 @@
+"""A GymGodot game as ``gymnasium.Env``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+
+from ludus.dialects.gymgodot.frames import Frames, check_saved
+from ludus.dialects.gymgodot.game import Game
+from ludus.dialects.gymgodot.spaces import to_action_list, to_observation
+from ludus.errors import GameError, SequenceError, UsageError
+
+__all__ = ["GymGodotEnv"]
+
+_USUAL_STEP_LENGTH = 2
+
+
+class GymGodotEnv(gymnasium.Env[Any, Any]):
+    """One game, one agent.
+
+    The game's seed is its own affair: the wire has none. Each call of ``render`` has the game save
+    the current frame; with ``render_mode="rgb_array"`` it is returned, too.
+
+    Args:
+        game: Closed with the environment, as are the frames.
+        frames: Where the game saves frames.
+        action_space: What the game takes.
+        observation_space: What it shows.
+        render_mode: ``"rgb_array"`` or None.
+    """
+
+    def __init__(
+        self,
+        game: Game,
+        frames: Frames,
+        action_space: gymnasium.Space[Any],
+        observation_space: gymnasium.Space[Any],
+        render_mode: str | None = None,
+    ) -> None:
+        self.game = game
+        self.frames = frames
+        self.action_space = action_space
+        self.observation_space = observation_space
+        self.render_mode = render_mode
+        self.metadata = {
+            "render_modes": ["rgb_array"],
+            "render_fps": game.frames_per_second / _USUAL_STEP_LENGTH,
+        }
+        self._needs_reset = True
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode.
+
+        Args:
+            seed: Seeds ``np_random`` only; the game is not told.
+            options: The wire has none.
+
+        Raises:
+            UsageError: An option was given.
+            EngineError: The game failed.
+        """
+        super().reset(seed=seed)
+        if options:
+            raise UsageError(
+                f"unknown reset option {', '.join(map(str, options))}",
+                hint="GymGodot's reset takes nothing; Ludus's own add-on has parameters",
+            )
+        self._needs_reset = True
+        observation = self.game.reset()
+        self.frames.restart()
+        self._needs_reset = False
+        return self._observation(observation, "init_observation"), {}
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Act once.
+
+        Returns:
+            Observation, reward, terminated, False (the wire knows no truncation), info.
+
+        Raises:
+            SequenceError: The episode has ended, or never begun: call ``reset``.
+            ActionError: The action does not fit ``action_space``.
+            EngineError: The game failed.
+        """
+        if self._needs_reset:
+            raise SequenceError("step outside an episode", hint="call reset() first")
+        answer = self.game.step(to_action_list(self.action_space, action))
+        self._needs_reset = answer.is_done
+        observation = self._observation(answer.observation, "observation")
+        return observation, answer.reward, answer.is_done, False, {}
+
+    def render(self) -> Any:
+        """Have the game save the current frame as the next numbered PNG.
+
+        Returns:
+            ``uint8[height, width, 3]`` with ``render_mode="rgb_array"``, else None.
+
+        Raises:
+            GameError: The game could not save it.
+            EngineError: The game failed.
+        """
+        file = self.frames.next_file()
+        check_saved(self.game.render(), file)
+        return self.frames.read(file) if self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        """Ask the game to quit, and end what is still there; may be called twice."""
+        self.game.close()
+        self.frames.close()
+
+    def _observation(self, value: Any, name: str) -> Any:
+        try:
+            return to_observation(self.observation_space, value, name)
+        except GameError:
+            self.game.close()
+            raise

@@ -1,0 +1,82 @@
+"""Opens environments of small programs that speak GymGodot's wire; nothing may stay behind."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import psutil
+import pytest
+
+import ludus
+from ludus.dialects.gymgodot.env import GymGodotEnv
+
+ROOT = Path(__file__).parents[2]
+ACTIONS = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
+OBSERVATIONS = gymnasium.spaces.Box(-np.inf, np.inf, (2,), np.float32)
+
+
+class Opener:
+    """Opens environments by ``gymnasium.make``, and closes them."""
+
+    def __init__(self) -> None:
+        self._opened: list[gymnasium.Env[Any, Any]] = []
+
+    def open(self, command: str, **settings: Any) -> gymnasium.Env[Any, Any]:
+        arguments: dict[str, Any] = {
+            "serverPort": 0,
+            "action_space": ACTIONS,
+            "observation_space": OBSERVATIONS,
+            "start_timeout_s": 30.0,
+            "step_timeout_s": 30.0,
+            "exeCmd": command,
+            **settings,
+        }
+        env = gymnasium.make("ludus/GymGodot-v0", **arguments)
+        self._opened.append(env)
+        return env
+
+    def fake(self, name: str, **settings: Any) -> gymnasium.Env[Any, Any]:
+        return self.open(fake_command(name), **settings)
+
+    def close(self) -> None:
+        for env in self._opened:
+            env.close()
+
+
+def fake_command(name: str) -> str:
+    python = shlex.quote(sys.executable)
+    return f"cd {shlex.quote(str(ROOT))} && {python} -m tests.gymgodot.fake_game {name}"
+
+
+def game_of(env: gymnasium.Env[Any, Any]) -> GymGodotEnv:
+    unwrapped = env.unwrapped
+    assert isinstance(unwrapped, GymGodotEnv)
+    return unwrapped
+
+
+def left_processes() -> list[str]:
+    """Return the commands of processes that this one started; they get a second to go."""
+    deadline = time.monotonic() + 1.0
+    while (children := psutil.Process().children(recursive=True)) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    return [str(child) for child in children]
+
+
+@pytest.fixture
+def opener() -> Iterator[Opener]:
+    """Opens environments; no process and no thread may be left behind."""
+    assert ludus.__version__
+    before = set(threading.enumerate())
+    made = Opener()
+    yield made
+    made.close()
+    assert left_processes() == []
+    assert set(threading.enumerate()) <= before
