@@ -175,10 +175,8 @@ def godot4() -> InstalledEngine:
     return find_engine(EngineKind.GODOT4)
 
 
-@pytest.fixture(scope="session")
-def faults(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The project; it is imported when the first scene is opened."""
-    folder = tmp_path_factory.mktemp("faults")
+def make_project(folder: Path) -> Path:
+    """Write the project; it is imported when the first scene is opened."""
     shutil.copytree(bundled_root() / "addons", folder / "addons")
     (folder / "project.godot").write_text(PROJECT)
     for name, text in SCRIPTS.items():
@@ -186,6 +184,12 @@ def faults(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name, text in SCENES.items():
         (folder / f"{name}.tscn").write_text(text)
     return Path(os.path.realpath(folder))
+
+
+@pytest.fixture(scope="session")
+def faults(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The project."""
+    return make_project(tmp_path_factory.mktemp("faults"))
 
 
 @pytest.fixture

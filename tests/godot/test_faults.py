@@ -1,4 +1,4 @@
-"""What a real engine can do wrong: die, freeze, hang, err; and who cleans up."""
+"""What real engines, Godot 4 and 3, can do wrong: die, freeze, hang, err; and who cleans up."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -22,9 +25,35 @@ from ludus.errors import (
 )
 from ludus.session import EngineSession
 from ludus.wire.reset import ResetRequest
+from tests.godot import conftest as godot4
 from tests.godot.conftest import Game, is_gone, reset, step
+from tests.godot3 import conftest as godot3
 
 pytestmark = pytest.mark.engine
+
+NULL = {"godot4": "Nil", "godot3": "null"}
+
+
+@pytest.fixture(scope="module", params=["godot4", "godot3"])
+def engine(request: pytest.FixtureRequest) -> str:
+    """Which Godot it is."""
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def project(engine: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project whose scenes go wrong."""
+    make: Any = {"godot4": godot4.make_project, "godot3": godot3.make_project}[engine]
+    return make(tmp_path_factory.mktemp("faults"))
+
+
+@pytest.fixture
+def game(project: Path) -> Iterator[Game]:
+    """Opens scenes of the project; no engine may be left behind."""
+    made = Game(project)
+    yield made
+    made.close()
+    assert made.engines() == []
 
 
 def pid_of(session: EngineSession) -> int:
@@ -47,7 +76,7 @@ def test_the_game_is_right_without_faults(game: Game) -> None:
 # The process
 
 
-def test_a_killed_engine(game: Game) -> None:
+def test_a_killed_engine(game: Game, engine: str) -> None:
     session = game.open()
     reset(session)
     step(session)
@@ -57,7 +86,7 @@ def test_a_killed_engine(game: Game) -> None:
     text = str(caught.value)
     assert "the process was killed by SIGKILL" in text
     assert "--ludus-connect=unix:" in text
-    assert "Godot Engine v4" in text
+    assert f"Godot Engine v{engine[-1]}" in text
     with pytest.raises(SequenceError):
         step(session)
 
@@ -145,13 +174,13 @@ def test_a_script_error_is_shown(game: Game, method: str) -> None:
         (
             "size",
             'world 1, agent Cart/LudusAgent, step 3: observation["steps"]: '
-            "expected 1 numbers, got Nil",
+            "expected 1 numbers, got {null}",
         ),
         ("nan", 'agent: world 1, agent Cart/LudusAgent: observation["rays"][1] is nan at step 3'),
         ("reward", "agent: world 1, agent Cart/LudusAgent: reward is inf at step 3"),
     ],
 )
-def test_a_wrong_number_has_a_place(game: Game, fault: str, what: str) -> None:
+def test_a_wrong_number_has_a_place(game: Game, engine: str, fault: str, what: str) -> None:
     session = game.open(num_worlds=2)
     reset(session)
     step(session)
@@ -161,7 +190,7 @@ def test_a_wrong_number_has_a_place(game: Game, fault: str, what: str) -> None:
     step(session, 2)
     with pytest.raises(GameError) as caught:
         step(session)
-    assert caught.value.message.splitlines()[0] == what
+    assert caught.value.message.splitlines()[0] == what.replace("{null}", NULL[engine])
     assert is_gone(pid_of(session), 0.1)
 
 

@@ -110,7 +110,9 @@ SCRIPTS = {
     "counter": COUNTER,
     "balls": BALLS,
     "no_reset": GAME.replace("func reset(", "func begin("),
+    "hangs": GAME + "func _ready() -> void:\n\twhile true:\n\t\tpass\n",
     "broken": GAME + "this is no GDScript\n",
+    "quits": GAME + "func _ready() -> void:\n\tvar _error := OS.kill(OS.get_process_id())\n",
 }
 
 HEAD = """\
@@ -194,7 +196,7 @@ SCENES = {
     "no_action": head("game") + CART + AGENT.format(name="LudusAgent", ticks=1),
     "disagreeing": head("game") + CART + RIGHT_AGENT + AGENT.format(name="Other", ticks=4) + ACTION,
     "no_reset": head("no_reset") + CART + RIGHT_AGENT,
-    "broken": head("broken") + CART + RIGHT_AGENT,
+    **{script: head(script) + CART + RIGHT_AGENT for script in ("hangs", "broken", "quits")},
     "every": head("counter") + counter_agent("Agent") + counter_agent("Idle"),
     "once": head("counter") + counter_agent("Agent", timing=ONCE),
     "masked": head("counter") + counter_agent("Agent", mask=True),
@@ -213,10 +215,8 @@ def godot3() -> InstalledEngine:
     return find_engine(EngineKind.GODOT3)
 
 
-@pytest.fixture(scope="session")
-def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A project that no editor has ever seen."""
-    folder = tmp_path_factory.mktemp("games3")
+def make_project(folder: Path) -> Path:
+    """Write a project that no editor has ever seen."""
     (folder / "project.godot").write_text(PROJECT)
     install_addon(folder)
     for name, text in SCRIPTS.items():
@@ -224,6 +224,12 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name, text in SCENES.items():
         (folder / f"{name}.tscn").write_text(text)
     return Path(os.path.realpath(folder))
+
+
+@pytest.fixture(scope="session")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The project."""
+    return make_project(tmp_path_factory.mktemp("games3"))
 
 
 @pytest.fixture
