@@ -25,9 +25,6 @@ enum Phase { START, MANUAL, STEPPING, HELD, SETTLING, CEILING, ENDED }
 ## nothing; or it takes its most probable action and learns nothing.
 enum PolicyMode { TRAIN, FROZEN, DETERMINISTIC }
 
-const CONNECT_TIMEOUT_MS := 10000
-const PLAY_CONNECT_TIMEOUT_MS := 300
-const LISTEN_TIMEOUT_MS := 600000
 const GROUP_NAME := "ludus_bridges"
 
 ## Plays agents that have a [LudusPolicy] while no trainer is there.
@@ -286,9 +283,10 @@ func _start() -> void:
 	_link = LudusLink.new()
 	if not _arguments.play_scene.empty():
 		_link.watch(_arguments.parent_pid)
-		_show(_arguments.play_scene)
+		if not LudusOpening.show_scene(_arguments.play_scene, self):
+			get_tree().quit(1)
 		return
-	if not _connect_to_trainer():
+	if not LudusOpening.find_trainer(_link, _arguments):
 		if _arguments.has_trainer():
 			_end(_link.error)
 		_link = null
@@ -297,76 +295,23 @@ func _start() -> void:
 	_greet()
 
 
-## Shows a scene, for a person to play.
-func _show(scene_path: String) -> void:
-	var scene := load(scene_path) as PackedScene
-	if scene == null:
-		printerr("ludus: there is no scene %s" % scene_path)
-		get_tree().quit(1)
-		return
-	if get_tree().current_scene != self:
-		if get_tree().change_scene_to(scene) != OK:
-			printerr("ludus: the scene %s cannot be shown" % scene_path)
-		return
-	var root := scene.instance()
-	get_tree().root.add_child(root)
-	get_tree().current_scene = root
-
-
-func _connect_to_trainer() -> bool:
-	if not _arguments.listen_at.empty():
-		return _link.listen_at(_arguments.listen_at, LISTEN_TIMEOUT_MS)
-	if _arguments.has_trainer():
-		return _link.connect_to(_arguments.connect_to, CONNECT_TIMEOUT_MS)
-	if not OS.has_feature("editor"):
-		return false
-	var address := "tcp:127.0.0.1:%d" % LudusWire.DEFAULT_PORT
-	return _link.connect_to([address], PLAY_CONNECT_TIMEOUT_MS)
-
-
 func _greet() -> void:
-	var handshake := LudusHandshake.new(_link, _arguments.token)
-	var scene: PackedScene = null
-	if handshake.greet():
-		scene = handshake.load_scene(_scene_on_show())
-	if scene == null:
-		_fail(handshake.code, handshake.error, handshake.hint)
+	var opening := LudusOpening.new()
+	if not opening.greet(_link, _arguments.token, self):
+		_fail(opening.code, opening.error, opening.hint)
 		return
-	_requests.open(handshake.capabilities)
-	_open(handshake, scene)
-	if _phase == Phase.ENDED:
+	_requests.open(opening.capabilities)
+	var is_built := opening.build(self)
+	_stage = opening.stage
+	_game = opening.game
+	if not is_built:
+		_fail(opening.code, opening.error)
 		return
-	var spec := _game.to_json()
-	spec["scene"] = scene.resource_path
 	for policy in _game.policies:
 		_requests.policy_names.append(policy.policy_name)
 	emit_signal("training_started", _stage.worlds.size())
-	_send(LudusWire.json_frame(LudusWire.Type.SPEC, spec))
+	_send(opening.spec_frame())
 	_serve()
-
-
-func _open(handshake: LudusHandshake, scene: PackedScene) -> void:
-	var shown := get_tree().current_scene
-	if shown != null and shown != self:
-		shown.free()
-	_stage = LudusStage.new()
-	_stage.name = "Stage"
-	add_child(_stage)
-	_stage.configure(
-		scene,
-		handshake.integer("num_worlds", 1),
-		handshake.integer("first_world", 0),
-		str(handshake.config.get("layout", "scene"))
-	)
-	_game = LudusGame.new(_stage)
-	var max_steps := handshake.integer("max_episode_steps", 0)
-	if not _game.open(max_steps, handshake.integer("ticks_per_step", 0)):
-		_fail("config", "%s: %s" % [scene.resource_path, _game.error])
-
-
-func _scene_on_show() -> String:
-	var current := get_tree().current_scene
-	return current.filename if current != null and current != self else ""
 
 
 ## Tells the trainer what is wrong and quits.
