@@ -20,7 +20,7 @@ from typing import Any, cast
 import numpy as np
 import torch
 import tyro
-from algorithms import PPO_DEFAULTS, TASKS, their_model
+from algorithms_tasks import PPO_DEFAULTS, TASKS, their_model
 from torch import Tensor, nn
 
 from ludus.pool.gymnasium_pool import GymnasiumPool
