@@ -36,7 +36,7 @@ def test_sampling_differs_by_seed_and_repeats() -> None:
     own = policy(pool)
 
     def returns(seed: int) -> tuple[float, ...]:
-        return evaluate(own, pool, 4, deterministic=False, seed=seed)["agent"].returns
+        return evaluate(own, pool, 4, sampled=["agent"], seed=seed)["agent"].returns
 
     assert returns(1) == returns(1)
     assert returns(1) != returns(2)

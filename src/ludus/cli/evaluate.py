@@ -19,7 +19,9 @@ class EvaluateCommand:
     Attributes:
         run: Run folder, whose newest checkpoint is taken, or one of its checkpoints.
         episodes: Episodes of each policy.
-        sample: Draw actions as in training, instead of taking the most probable ones.
+        sample: Policies that draw their actions, as in training; without names, all of them. The
+            others take their most probable ones.
+        goal_return: Tell the share of episodes whose return reaches this.
         seed: Seed of worlds and samples.
         target: Play in this target; none is the one the run was trained in.
         num_worlds: Worlds in each engine; none is as many as in training.
@@ -29,7 +31,8 @@ class EvaluateCommand:
 
     run: tyro.conf.Positional[Path]
     episodes: int = 20
-    sample: bool = False
+    sample: tuple[str, ...] | None = None
+    goal_return: float | None = None
     seed: int = 0
     target: str | None = None
     num_worlds: int | None = None
@@ -65,14 +68,31 @@ def run(command: EvaluateCommand) -> int:
     pool = open_source(config)
     try:
         policies = load_policies(command.run, pool.policies)
-        results = evaluate(
-            policies, pool, command.episodes, deterministic=not command.sample, seed=command.seed
-        )
+        sampled = _sampled(command.sample, list(policies))
+        results = evaluate(policies, pool, command.episodes, sampled=sampled, seed=command.seed)
     finally:
         pool.close()
     if command.json:
         values = {name: asdict(result) for name, result in results.items()}
+        if command.goal_return is not None:
+            for name, result in results.items():
+                values[name]["share_reaching"] = result.share_reaching(command.goal_return)
         sys.stdout.write(json.dumps({"run": str(command.run), "policies": values}) + "\n")
     else:
-        Console().print(evaluation_table(results, title=str(command.run)))
+        table = evaluation_table(results, str(command.run), command.goal_return)
+        Console().print(table)
     return 0
+
+
+def _sampled(names: tuple[str, ...] | None, policies: list[str]) -> list[str]:
+    """Return the policies that draw their actions, from what the command line says."""
+    from ludus.errors import ConfigError
+
+    if names is None:
+        return []
+    for name in names:
+        if name not in policies:
+            raise ConfigError(
+                f"--sample: there is no policy {name!r}", f"the policies are {', '.join(policies)}"
+            )
+    return list(names) or policies

@@ -177,14 +177,21 @@ def summary_table(result: RunResult) -> Table:
     return table
 
 
-def evaluation_table(evaluation: Mapping[str, Evaluation], title: str) -> Table:
-    """Return a table with a row per policy."""
+def evaluation_table(
+    evaluation: Mapping[str, Evaluation], title: str, goal_return: float | None = None
+) -> Table:
+    """Return a table with a row per policy; with the share that reached ``goal_return``, if any."""
     table = Table(title=title, title_justify="left")
     for heading in ("policy", "episodes", "mean return", "± std", "min", "max", "length"):
         table.add_column(heading, justify="left" if heading == "policy" else "right")
+    if goal_return is not None:
+        table.add_column(f"≥ {goal_return:g}", justify="right")
     for name, of in evaluation.items():
         figures = (of.mean_return, of.std_return, of.min_return, of.max_return, of.mean_length)
-        table.add_row(name, str(of.num_episodes), *(f"{figure:.4g}" for figure in figures))
+        cells = [name, str(of.num_episodes), *(f"{figure:.4g}" for figure in figures)]
+        if goal_return is not None:
+            cells.append(f"{of.share_reaching(goal_return):.1%}")
+        table.add_row(*cells)
     return table
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,6 +60,10 @@ class Evaluation:
             lengths=tuple(lengths),
         )
 
+    def share_reaching(self, goal_return: float) -> float:
+        """Return the share of episodes, 0 to 1, whose return is at least ``goal_return``."""
+        return sum(each >= goal_return for each in self.returns) / self.num_episodes
+
 
 class Quota:
     """Counts the first episodes of each slot, a number fixed beforehand.
@@ -112,7 +116,7 @@ def evaluate(
     pool: Pool,
     episodes: int = 20,
     *,
-    deterministic: bool = True,
+    sampled: Collection[str] = (),
     seed: int = 0,
 ) -> dict[str, Evaluation]:
     """Play ``episodes`` episodes of every policy and return how they went.
@@ -124,7 +128,8 @@ def evaluate(
         policies: One for each policy of the pool.
         pool: Reset before; in the middle of episodes afterwards.
         episodes: Complete episodes of each policy.
-        deterministic: Take the most probable actions instead of samples.
+        sampled: Names of policies whose actions are drawn, as in training; the others take their
+            most probable ones.
         seed: Seed of worlds and samples.
 
     Raises:
@@ -132,7 +137,9 @@ def evaluate(
     """
     players = {
         name: Player(
-            policy, pool.num_agents(name), None if deterministic else seeded_generator(policy, seed)
+            policy,
+            pool.num_agents(name),
+            seeded_generator(policy, seed) if name in sampled else None,
         )
         for name, policy in policies.items()
     }
