@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ SOLDIER_SENSES = 1 + 2 * NUM_RAYS + 7
 ZOMBIE_SENSES = 1 + 3 * NUM_RAYS + 4
 MAP_RADIUS = 250.0
 # Numbers of the soldier's senses.
-PLACE, HEALTH, PAIN = slice(27, 29), 29, 30
+ROTATION, AHEAD, PLACE, HEALTH, PAIN = 0, 14, slice(27, 29), 29, 30
 AMMUNITION, FIRE_DELAY, RELOAD_DELAY = 31, 32, 33
 # Numbers of a zombie's senses.
 ZOMBIE_PLACE, ZOMBIE_HEALTH = slice(40, 42), 42
@@ -67,7 +68,7 @@ def hunt(batches: Batches) -> NDArray[np.float32]:
 
 
 def aim(batches: Batches) -> NDArray[np.float32]:
-    """Let the soldier stand and shoot at the nearest zombie that lives."""
+    """Let the soldier stand, turn to the nearest zombie that lives, and shoot."""
     soldier, zombies = seen(batches["soldier"]), seen(batches["zombie"])
     way = zombies[:, ZOMBIE_PLACE].reshape(NUM_WORLDS, 2, 2) - soldier[:, None, PLACE]
     gaps = np.linalg.norm(way, axis=2)
@@ -75,7 +76,13 @@ def aim(batches: Batches) -> NDArray[np.float32]:
     best = way[np.arange(NUM_WORLDS), gaps.argmin(axis=1)]
     still, shoot = np.zeros((NUM_WORLDS, 2)), np.ones((NUM_WORLDS, 1))
     angle = np.arctan2(best[:, 1:], best[:, :1]) / np.pi
-    return np.concatenate([still, angle, shoot, shoot], axis=1).astype(np.float32)
+    turn = wrapped(angle - soldier[:, [ROTATION]])
+    return np.concatenate([still, turn, shoot, shoot], axis=1).astype(np.float32)
+
+
+def wrapped(angles: NDArray[Any]) -> NDArray[Any]:
+    """Bring fractions of π to −1 … 1."""
+    return (angles + 1) % 2 - 1
 
 
 def at_random(random: np.random.Generator) -> dict[str, ActionBatch]:
@@ -145,6 +152,42 @@ def test_health_is_lost_in_bites_and_hits_and_felt_as_pain(pool: EnginePool) -> 
         np.testing.assert_allclose(health(seen(soldier)[goes_on, PAIN]), lost, atol=1e-6)
         num_bites += round(float(lost.sum()) / BITE)
     assert num_bites > 50
+
+
+@pytest.mark.parametrize("rotation", ["turn", "angle"])
+def test_rotation_is_a_turn_or_an_angle_of_the_room(pool: EnginePool, rotation: str) -> None:
+    batches = pool.reset(8, {"rotation": rotation})
+    random = np.random.default_rng(8)
+    for _ in range(5):
+        before = {name: seen(batches[name])[:, ROTATION].copy() for name in SIZES}
+        actions = at_random(random)
+        batches = pool.step(actions)
+        for name, start in before.items():
+            asked = actions[name].continuous[:, 2] + (start if rotation == "turn" else 0)
+            error = wrapped(seen(batches[name])[:, ROTATION] - asked)
+            goes_on = batches[name].terminated == 0
+            np.testing.assert_allclose(error[goes_on], 0, atol=1e-5)
+
+
+def test_a_shot_hits_what_the_middle_ray_saw(pool: EnginePool) -> None:
+    batches, random = pool.reset(9), np.random.default_rng(9)
+    num_hits, num_misses = 0, 0
+    for _ in range(6 * ROUND_STEPS):
+        before = seen(batches["soldier"]).copy()
+        actions = at_random(random)
+        # Wherever it turns and walks to: the shot comes first.
+        actions["soldier"].continuous[:, 3] = 1.0
+        batches = pool.step(actions)
+        soldier = batches["soldier"]
+        has_shot = (before[:, AMMUNITION] > -1) & (before[:, FIRE_DELAY] <= 0)
+        has_shot &= (before[:, RELOAD_DELAY] == -1) & (soldier.truncated == 0)
+        is_hit = soldier.reward > 0.01
+        is_ahead = before[:, AHEAD] < 1
+        assert not (is_hit & ~is_ahead).any()
+        num_hits += int((has_shot & is_ahead & is_hit).sum())
+        num_misses += int((has_shot & is_ahead & ~is_hit).sum())
+    # A shot is thicker than a ray, so that a wall may catch it.
+    assert num_hits > 20 and num_misses < num_hits / 4
 
 
 def test_the_rifle_counts_its_shots_and_waits(pool: EnginePool) -> None:

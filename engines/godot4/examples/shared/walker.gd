@@ -73,12 +73,15 @@ func look(map: Map, directions: PackedVector2Array) -> void:
 	ray_lengths = map.distances(place, rays)
 
 
-## Writes what the rays find of circles at [param others] into [param senses] from [param offset]
-## on: the distance over [constant SIGHT], 1 if a wall hides them or none is met.
-func see(others: PackedVector2Array, senses: PackedFloat32Array, offset: int) -> void:
+## Writes what the rays, [param width] pixels to each side, find of bodies at [param others] into
+## [param senses] from [param offset] on: the distance over [constant SIGHT], 1 if a wall hides them
+## or none is met.
+func see(
+	others: PackedVector2Array, senses: PackedFloat32Array, offset: int, width: float = 0.0
+) -> void:
 	for other: Vector2 in others:
 		var way := other - place
-		var beyond := RADIUS * RADIUS - way.length_squared()
+		var beyond := (RADIUS + width) * (RADIUS + width) - way.length_squared()
 		var i := offset
 		for ray: Vector2 in rays:
 			var along := way.dot(ray)

@@ -3,10 +3,12 @@ extends "res://examples/shared/walker.gd"
 
 const Fighter := preload("res://examples/zombies/fighter.gd")
 
-## Angles of the rays from straight ahead, fractions of π.
+## Angles of the rays from straight ahead, fractions of π: at 250 pixels no body fits between two.
 const RAY_ANGLES: PackedFloat64Array = [
-	0.0, 0.04, -0.04, 0.09, -0.09, 0.15, -0.15, 0.23, -0.23, 0.33, -0.33, 0.45, -0.45
+	0.0, 0.065, -0.065, 0.13, -0.13, 0.2, -0.2, 0.27, -0.27, 0.35, -0.35, 0.44, -0.44
 ]
+## Rays see bodies this far to each side, pixels: what the middle one sees, a shot would hit.
+const RAY_WIDTH := 5.0
 const NUM_RAYS := 13
 ## Places of the numbers in the senses; friends only where there are some.
 const WALLS_AT := 1
@@ -44,11 +46,11 @@ func suffer(damage: float) -> void:
 	health = left
 
 
-## Turns where its action says and walks, if it lives.
-func act(map: Map, step: float) -> void:
-	pain = 0.0
+## Turns and walks as its action says, if it lives. [param is_turn] says how it turns: from where it
+## looks, or to an angle of the room.
+func act(map: Map, step: float, is_turn: bool) -> void:
 	if is_alive():
-		rotation = action[2] * PI
+		rotation = wrapf(action[2] * PI + (rotation if is_turn else 0.0), -PI, PI)
 		_glide(map, Vector2(action[0], action[1]) * step)
 
 
@@ -65,9 +67,9 @@ func sense(
 	senses[0] = rotation / PI
 	for i: int in NUM_RAYS:
 		senses[WALLS_AT + i] = ray_lengths[i] / SIGHT
-	see(enemies, senses, ENEMIES_AT)
+	see(enemies, senses, ENEMIES_AT, RAY_WIDTH)
 	if num_layers > 2:
-		see(friends, senses, FRIENDS_AT)
+		see(friends, senses, FRIENDS_AT, RAY_WIDTH)
 	senses.append(place.x / Map.RADIUS)
 	senses.append(place.y / Map.RADIUS)
 	senses.append(scaled(health))

@@ -15,7 +15,7 @@ const FIRE_DELAY := 2
 const RELOAD_DELAY := 10
 const DAMAGE := 0.35
 ## The shot is a circle of this radius, pixels.
-const SHOT_RADIUS := 5.0
+const SHOT_RADIUS := RAY_WIDTH
 
 ## Shots left in the magazine; each is [constant SHOT] of ammunition.
 var num_shots: int = NUM_SHOTS

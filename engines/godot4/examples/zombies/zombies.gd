@@ -26,6 +26,9 @@ const START_DISTANCE := 0.6 * Map.RADIUS
 ## World parameter: "change" (the default) rewards what the score has changed, "score" the score
 ## itself, in every step.
 const REWARD_PARAMETER := "reward"
+## World parameter: with "turn" (the default) the third number of an action turns from where one
+## looks, with "angle" it is the angle in the room.
+const ROTATION_PARAMETER := "rotation"
 
 var map := Map.new()
 var soldier := Soldier.new()
@@ -39,6 +42,7 @@ var num_zombie_wins: int = 0
 ## Where a person aims the soldier, radians; set by the drawing.
 var manual_aim: float = 0.0
 
+var _fighters: Array[Fighter] = []
 var _enemies: Array[Fighter] = []
 ## Whether actions have come that no tick has carried out yet.
 var _is_pending: bool = false
@@ -46,10 +50,13 @@ var _rewards := PackedFloat64Array([0.0, 0.0, 0.0])
 var _soldier_score: float = 0.0
 var _zombie_score: float = 0.0
 var _is_score_rewarded: bool = false
+var _is_turn: bool = true
 
 
 func _init() -> void:
 	_enemies.assign(zombies)
+	_fighters.append(soldier)
+	_fighters.append_array(_enemies)
 
 
 func policy_names() -> PackedStringArray:
@@ -81,6 +88,7 @@ func max_episode_steps() -> int:
 
 func begin_episode() -> void:
 	_is_score_rewarded = world.parameters.get(REWARD_PARAMETER, "change") == "score"
+	_is_turn = world.parameters.get(ROTATION_PARAMETER, "turn") == "turn"
 	map.build(world.rng, world.rng.randi_range(1, MAX_WALLS))
 	_place_all(world.rng)
 	num_steps = 0
@@ -93,22 +101,25 @@ func begin_episode() -> void:
 
 
 func apply_action(agent: int, action: Variant) -> void:
-	_fighter(agent).take_action(action)
+	_fighters[agent].take_action(action)
 	_is_pending = true
 
 
-## Makes a step in the first tick after the actions: all walk, the soldier shoots, zombies bite.
+## Makes a step in the first tick after the actions: the soldier shoots where it looks, then all
+## turn and walk, then zombies bite.
 func advance() -> void:
 	if not _is_pending or is_over():
 		return
 	_is_pending = false
 	num_steps += 1
-	soldier.act(map, Soldier.STEP_LENGTH)
-	for zombie: Zombie in zombies:
-		zombie.act(map, Zombie.STEP_LENGTH)
+	for fighter: Fighter in _fighters:
+		fighter.pain = 0.0
 	var hit := soldier.use_rifle(map, _enemies)
 	if hit != null:
 		hit.suffer(Soldier.DAMAGE)
+	soldier.act(map, Soldier.STEP_LENGTH, _is_turn)
+	for zombie: Zombie in zombies:
+		zombie.act(map, Zombie.STEP_LENGTH, _is_turn)
 	for zombie: Zombie in zombies:
 		zombie.bite(map, soldier)
 	_reward()
@@ -118,7 +129,7 @@ func advance() -> void:
 
 
 func get_observation(agent: int) -> Variant:
-	return _fighter(agent).observation
+	return _fighters[agent].observation
 
 
 func get_reward(agent: int) -> float:
@@ -157,10 +168,11 @@ func get_manual_action(agent: int) -> Variant:
 		var is_trigger := Input.is_key_pressed(KEY_SPACE)
 		is_trigger = is_trigger or Input.is_mouse_button_pressed(MOUSE_BUTTON_LEFT)
 		var reload := float(Input.is_key_pressed(KEY_R))
-		return PackedFloat32Array([move.x, move.y, manual_aim / PI, float(is_trigger), reload])
-	var way := _fighter(agent).place.direction_to(soldier.place)
+		var aim := _rotation_action(soldier, manual_aim)
+		return PackedFloat32Array([move.x, move.y, aim, float(is_trigger), reload])
+	var way := _fighters[agent].place.direction_to(soldier.place)
 	var step := Vector2(x, y) if agent == 1 and is_shifted else way * 0.7
-	return PackedFloat32Array([step.x, step.y, way.angle() / PI])
+	return PackedFloat32Array([step.x, step.y, _rotation_action(_fighters[agent], way.angle())])
 
 
 ## What the panel shows.
@@ -185,8 +197,9 @@ func _end_round() -> void:
 	round_ended.emit(are_zombies_dead, is_soldier_dead)
 
 
-func _fighter(agent: int) -> Fighter:
-	return soldier if agent == 0 else zombies[agent - 1]
+## Returns the number of an action after which [param fighter] looks to an angle, radians.
+func _rotation_action(fighter: Fighter, angle: float) -> float:
+	return wrapf(angle - (fighter.rotation if _is_turn else 0.0), -PI, PI) / PI
 
 
 func _place_all(rng: RandomNumberGenerator) -> void:
