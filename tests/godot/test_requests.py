@@ -1,4 +1,7 @@
-"""A real game that tells its trainer what to do, and hears how training goes (PROTOCOL.md §8)."""
+"""Real games, of Godot 4 and 3, that tell their trainer what to do, and hear how training goes.
+
+PROTOCOL.md §8.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +16,12 @@ import pytest
 
 from ludus.addon import install_addon
 from ludus.engine import (
+    EngineKind,
     EngineProcess,
     GodotFlags,
-    InstalledEngine,
     LaunchConfig,
     ensure_imported,
+    find_engine,
     godot_command,
     read_project,
     resolve_target,
@@ -72,11 +76,48 @@ func reset() -> void:
 	steps = 0
 """
 
+ASKER3 = """\
+extends LudusAgent
+var steps := 0
+var heard := []
+func _init() -> void:
+	action = [LudusActionComponent.discrete("move", 2)]
+	observation = [LudusObservationEntry.create("steps", PoolIntArray([1]))]
+func _ready() -> void:
+	assert(Ludus.connect("training_status", self, "_on_training_status") == OK)
+	assert(Ludus.connect("policy_mode_changed", self, "_on_policy_mode_changed") == OK)
+func _on_training_status(status: Dictionary) -> void:
+	heard.append(status)
+func _on_policy_mode_changed(policy: String, mode: int) -> void:
+	heard.append([policy, mode])
+func ask(what: String, policy: String = "") -> bool:
+	match what:
+		"save":
+			return Ludus.save_checkpoint()
+		"stop":
+			return get_node("/root/Ludus").stop_training()
+		_:
+			return Ludus.set_policy_mode(policy, LudusBridge.PolicyMode[what])
+func get_heard() -> Array:
+	return heard
+func apply_action(_action: int) -> void:
+	steps += 1
+	if steps == LudusWorld.of(self).parameters.get("ask_at", -1):
+		assert(ask("FROZEN", "hero"))
+		assert(ask("save"))
+func get_observation() -> Array:
+	return [steps]
+func get_reward() -> float:
+	return 0.0
+func is_done() -> bool:
+	return false
+func reset() -> void:
+	steps = 0
+"""
+
 # Asks as soon as it is there, before the trainer knows the spec.
-EAGER = ASKER.replace(
-    "func _ready() -> void:\n",
-    'func _ready() -> void:\n\tprint("ready, asked: ", ask("DETERMINISTIC", "target"))\n',
-)
+READY = "func _ready() -> void:\n"
+READY_AND_EAGER = READY + '\tprint("ready, asked: ", ask("DETERMINISTIC", "target"))\n'
 
 HEAD = """\
 [gd_scene load_steps=2 format=3]
@@ -86,9 +127,14 @@ HEAD = """\
 [node name="Shown" type="Label" parent="."]
 script = ExtResource("2")
 """
+HEAD3 = """\
+[gd_scene format=2]
+[ext_resource path="res://{script}.gd" type="Script" id=1]
+[node name="Game" type="Node"]
+"""
 AGENT = """\
 [node name="{name}" type="Node" parent="."]
-script = ExtResource("1")
+script = ExtResource({script})
 policy_name = "{policy}"
 ticks_per_step = 1
 """
@@ -126,24 +172,44 @@ def page_example() -> str:
     return found[1]
 
 
+@pytest.fixture(scope="module", params=list(EngineKind))
+def kind(request: pytest.FixtureRequest) -> EngineKind:
+    """Which Godot it is."""
+    return request.param
+
+
 @pytest.fixture(scope="module")
-def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def project(kind: EngineKind, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("requests")
-    (folder / "project.godot").write_text(
-        'config_version=5\n[application]\nconfig/name="Asks"\nrun/main_scene="res://eager.tscn"\n'
-    )
-    scripts = {"asker": ASKER, "eager": EAGER, "shown": page_example(), "reader": reader_script()}
-    for name, text in scripts.items():
-        (folder / f"{name}.gd").write_text(text)
-    agents = AGENT.format(name="Hero", policy="hero") + AGENT.format(name="Target", policy="target")
-    for script in ("asker", "eager", "reader"):
-        (folder / f"{script}.tscn").write_text(HEAD.format(script=script) + agents)
+    if kind is EngineKind.GODOT4:
+        write_project(folder, 5, HEAD, '"1"', {"asker": ASKER, "reader": ASKER + reader_methods()})
+        (folder / "shown.gd").write_text(page_example())
+    else:
+        write_project(folder, 4, HEAD3, "1", {"asker": ASKER3})
     install_addon(folder)
     return folder
 
 
-def reader_script() -> str:
-    return ASKER + READER.removeprefix("extends LudusAgent\n")
+def write_project(
+    folder: Path, version: int, head: str, script_id: str, scripts: dict[str, str]
+) -> None:
+    """Write a project with a scene for each script, and one for an eager asker."""
+    (folder / "project.godot").write_text(
+        f'config_version={version}\n[application]\nconfig/name="Asks"\n'
+        'run/main_scene="res://eager.tscn"\n'
+    )
+    scripts["eager"] = scripts["asker"].replace(READY, READY_AND_EAGER)
+    agents = "".join(
+        AGENT.format(name=policy.title(), policy=policy, script=script_id)
+        for policy in ("hero", "target")
+    )
+    for name, text in scripts.items():
+        (folder / f"{name}.gd").write_text(text)
+        (folder / f"{name}.tscn").write_text(head.format(script=name) + agents)
+
+
+def reader_methods() -> str:
+    return READER.removeprefix("extends LudusAgent\n")
 
 
 @pytest.fixture
@@ -286,17 +352,18 @@ def test_a_trainer_that_takes_no_requests(
     assert not session.has_requests
     session.close()
     text = log.read_text()
-    assert "ready, asked: false" in text
+    assert "ready, asked: false" in text.lower()
     assert text.count("is ignored: the trainer is too old") == 1
 
 
-def test_without_a_trainer(project: Path, godot4: InstalledEngine) -> None:
-    ensure_imported(godot4, read_project(project))
-    command = godot_command(godot4, project, "res://eager.tscn", GodotFlags())
+def test_without_a_trainer(project: Path, kind: EngineKind) -> None:
+    engine = find_engine(kind)
+    ensure_imported(engine, read_project(project))
+    command = godot_command(engine, project, "res://eager.tscn", GodotFlags())
     with EngineProcess.start(LaunchConfig(command=command)) as process:
         assert process.wait(2.0) is None, process.last_lines()
         lines = process.last_lines()
-    assert lines.count("ready, asked: false") == 2
+    assert sum(line.lower() == "ready, asked: false" for line in lines) == 2
     assert sum("is ignored: no trainer is connected" in line for line in lines) == 1
     assert not process.script_errors
 
@@ -334,6 +401,7 @@ def test_an_engine_that_is_killed_between_two_steps(project: Path) -> None:
         assert [len(heard) for heard in pool.call(HERO, "get_heard")] == [4, 3]
 
 
+@pytest.mark.parametrize("kind", [EngineKind.GODOT4], indirect=True)  # what the page is about
 def test_the_example_of_the_page(open_game: Open) -> None:
     session = open_game("reader")
     reset(session)
