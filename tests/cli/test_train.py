@@ -159,22 +159,22 @@ def test_evaluate_draws_actions_and_counts_goals(
     results: dict[str, dict[str, Any]] = {}
     for how, options in {
         "probable": [],
-        "all": ["--sample"],
-        "named": ["--sample", "agent"],
+        "all": ["--stochastic"],
+        "named": ["--stochastic", "agent"],
     }.items():
         assert main([*evaluate, *options, "--json"]) == 0
         results[how] = json.loads(capsys.readouterr().out)["policies"]["agent"]
     assert results["all"] == results["named"] != results["probable"]
 
     middle = sorted(results["all"]["returns"])[3]
-    assert main([*evaluate, "--sample", "--goal-return", str(middle), "--json"]) == 0
+    assert main([*evaluate, "--stochastic", "--goal-return", str(middle), "--json"]) == 0
     counted = json.loads(capsys.readouterr().out)["policies"]["agent"]
     share = sum(each >= middle for each in counted["returns"]) / 6
     assert counted["share_reaching"] == share < 1.0
-    assert main([*evaluate, "--sample", "--goal-return", str(middle)]) == 0
+    assert main([*evaluate, "--stochastic", "--goal-return", str(middle)]) == 0
     assert f"{share:.1%}" in capsys.readouterr().out
 
-    assert main([*evaluate, "--sample", "nobody"]) != 0
+    assert main([*evaluate, "--stochastic", "nobody"]) != 0
     assert "there is no policy 'nobody'" in capsys.readouterr().err
 
 

@@ -19,8 +19,8 @@ class EvaluateCommand:
     Attributes:
         run: Run folder, whose newest checkpoint is taken, or one of its checkpoints.
         episodes: Episodes of each policy.
-        sample: Policies that draw their actions, as in training; without names, all of them. The
-            others take their most probable ones.
+        stochastic: Policies that draw their actions, as in training; without names, all of
+            them. The others take their most probable ones.
         goal_return: Tell the share of episodes whose return reaches this.
         seed: Seed of worlds and samples.
         target: Play in this target; none is the one the run was trained in.
@@ -31,7 +31,7 @@ class EvaluateCommand:
 
     run: tyro.conf.Positional[Path]
     episodes: int = 20
-    sample: tuple[str, ...] | None = None
+    stochastic: tuple[str, ...] | None = None
     goal_return: float | None = None
     seed: int = 0
     target: str | None = None
@@ -68,7 +68,7 @@ def run(command: EvaluateCommand) -> int:
     pool = open_source(config)
     try:
         policies = load_policies(command.run, pool.policies)
-        sampled = _sampled(command.sample, list(policies))
+        sampled = _sampled(command.stochastic, list(policies))
         results = evaluate(policies, pool, command.episodes, sampled=sampled, seed=command.seed)
     finally:
         pool.close()
@@ -93,6 +93,7 @@ def _sampled(names: tuple[str, ...] | None, policies: list[str]) -> list[str]:
     for name in names:
         if name not in policies:
             raise ConfigError(
-                f"--sample: there is no policy {name!r}", f"the policies are {', '.join(policies)}"
+                f"--stochastic: there is no policy {name!r}",
+                f"the policies are {', '.join(policies)}",
             )
     return list(names) or policies
