@@ -1,6 +1,7 @@
 """Make the bundled examples known to Gymnasium as ``ludus/CartPole-v0`` and so on.
 
-GymGodot projects are ``ludus/GymGodot-v0``, or ``server-v0`` as in GymGodot's own package.
+GymGodot projects are ``ludus/GymGodot-v0``, or ``server-v0`` as in GymGodot's own package; games
+for godot_gym_api are ``ludus/GodotGymApi-v0``.
 
 ``import ludus`` does it; Gymnasium 1 no longer looks for plug-ins by itself.
 """
@@ -26,7 +27,7 @@ GYM_GODOT_IDS = ("ludus/GymGodot-v0", "server-v0")
 
 
 def register_examples() -> None:
-    """Register the bundled examples, and GymGodot, with Gymnasium."""
+    """Register the bundled examples, and the older bridges, with Gymnasium."""
     for environment_id, example in ENVIRONMENT_IDS.items():
         cast(Any, gymnasium).register(
             id=environment_id,
@@ -36,3 +37,6 @@ def register_examples() -> None:
         )
     for environment_id in GYM_GODOT_IDS:
         cast(Any, gymnasium).register(id=environment_id, entry_point="ludus.dialects.gymgodot:make")
+    cast(Any, gymnasium).register(
+        id="ludus/GodotGymApi-v0", entry_point="ludus.dialects.godot_gym_api:make"
+    )

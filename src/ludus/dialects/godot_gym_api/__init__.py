@@ -1,0 +1,23 @@
+"""Drive games made for godot_gym_api, unmodified or with our classes of the same names.
+
+::
+
+    making       gymnasium.make: an environment out of spaces and functions
+    env          that environment
+    environment  GodotEnvironment, the base class that programs for godot_gym_api extend
+    client       GodotClient: reset, step, configure
+    game         one running game: request, answer, end
+    launching    the command that starts a game, and ends it with this process
+    connection   one connection: lengths, deadlines
+    messages     what is said, without input or output
+    data         the fields of an answer
+
+Each imports only those below it.
+"""
+
+from ludus.dialects.godot_gym_api.client import GodotClient
+from ludus.dialects.godot_gym_api.data import Data
+from ludus.dialects.godot_gym_api.environment import GodotEnvironment
+from ludus.dialects.godot_gym_api.making import make
+
+__all__ = ["Data", "GodotClient", "GodotEnvironment", "make"]

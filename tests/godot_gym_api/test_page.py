@@ -1,0 +1,151 @@
+"""What docs/godot_gym_api.md tells its readers to write works as it stands there."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from ludus.engine.bundled import runnable_bundled_root
+from ludus.engine.kinds import EngineKind
+from ludus.engine.script_classes import ScriptClass, add_script_classes
+from tests.godot_gym_api.conftest import CLASSES, left_processes
+from tests.gymgodot.conftest import ROOT
+
+pytestmark = pytest.mark.engine
+
+PAGE = (ROOT / "docs/godot_gym_api.md").read_text()
+ORIGINAL = "res://addons/reinforcement_learning"
+SCENE = """\
+[gd_scene load_steps=4 format=2]
+
+[ext_resource path="res://environment.gd" type="Script" id=1]
+[ext_resource path="res://agent.gd" type="Script" id=2]
+[ext_resource path="res://world.gd" type="Script" id=3]
+
+[node name="Environment" type="Spatial"]
+script = ExtResource( 1 )
+
+[node name="Agent" type="Spatial" parent="."]
+script = ExtResource( 2 )
+
+[node name="World" type="Spatial" parent="."]
+script = ExtResource( 3 )
+"""
+PROJECT = """\
+config_version=4
+
+[application]
+
+config/name="From the page"
+run/main_scene="res://environment.tscn"
+"""
+MODULE = """\
+import gymnasium
+import ludus
+{functions}
+gymnasium.register(
+    "MyGame-v0",
+    entry_point="ludus.dialects.godot_gym_api:make",
+    kwargs={{
+        "target": {target!r},
+        "engine_address": ("127.0.0.1", 0),
+        "action_space": gymnasium.spaces.Discrete(2),
+        "observation_space": gymnasium.spaces.Dict(
+            {{"place": gymnasium.spaces.Box(-9.0, 9.0, (1,))}}
+        ),
+        "get_observation": lambda state: {{"place": [state["agent"].place]}},
+        "get_reward": get_reward,
+        "is_terminated": is_terminated,
+    }},
+)
+"""
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def game(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The game of the page, with our scripts in the places of the original's."""
+    folder = tmp_path_factory.mktemp("page")
+    for script in blocks("gdscript"):
+        name, text = script.split("\n", 1)
+        (folder / name.removeprefix("# ")).write_text(text)
+    (folder / "environment.tscn").write_text(SCENE)
+    classic = runnable_bundled_root(EngineKind.GODOT3) / "addons/ludus_classic"
+    places = put_in_the_place_of_the_original(classic, folder / "addons/reinforcement_learning")
+    bases = {"RLAgent": "Spatial", "RLEnvWorld": "Spatial", "RLEnvironment": "Spatial"}
+    scripts = [
+        ScriptClass(name, bases.get(name, "Reference"), f"{ORIGINAL}/{places[name]}", "")
+        for name in CLASSES
+    ]
+    (folder / "project.godot").write_text(add_script_classes(PROJECT, scripts))
+    return folder
+
+
+def put_in_the_place_of_the_original(classic: Path, addon: Path) -> dict[str, str]:
+    """Copy what the page says where it says; return the paths of named scripts."""
+    places: dict[str, str] = {}
+    (command,) = re.findall(r"```\n(cp ludus_classic.*?)```", PAGE, re.DOTALL)
+    for files, target in re.findall(
+        r"cp ([^/].*?) \S*game/addons/reinforcement_learning/(\S*)",
+        command.replace("\\\n", ""),
+        re.DOTALL,
+    ):
+        (addon / target).mkdir(parents=True, exist_ok=True)
+        for name in files.split():
+            copy = Path(shutil.copy(classic / Path(name).name, addon / target))
+            found = re.search(r"^class_name (\w+)", copy.read_text(), re.MULTILINE)
+            if found is not None:
+                places[found[1]] = f"{target}{copy.name}"
+    assert set(places) == set(CLASSES)
+    return places
+
+
+def test_the_environment(game: Path) -> None:
+    code = blocks("python")[0].replace("path/to/game", str(game))
+    names: dict[str, Any] = {}
+    exec(code, names)
+    # 4 frames of 1/60 s at a speed of 2 × 0.5 for each step: beyond 3 in step 46.
+    assert names["terminated"]
+    assert names["observation"]["place"] == pytest.approx(46 * 4 / 60.0, abs=1e-3)
+    assert names["observation"]["distances"] == pytest.approx([0.0667, 6.0667], abs=1e-3)
+    assert names["reward"] == 1.0
+    assert left_processes() == []
+
+
+def test_the_client(game: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code = blocks("python")[1].replace("path/to/game", str(game))
+    exec(code, {})
+    assert float(capsys.readouterr().out) == pytest.approx(2 / 60.0, abs=1e-4)
+    assert left_processes() == []
+
+
+@pytest.mark.slow
+def test_it_can_be_trained(game: Path, tmp_path: Path) -> None:
+    functions = "def get_reward" + blocks("python")[0].split("def get_reward")[1]
+    functions = functions.split("env = ")[0]
+    module = MODULE.format(functions=functions, target=str(game))
+    (tmp_path / "my_games.py").write_text(module)
+    (command,) = re.findall(r"^ludus (train gym:.*)$", PAGE, re.MULTILINE)
+    arguments = [*cast(str, command).split()[:-1], "600", "--runs", str(tmp_path / "runs")]
+    done = subprocess.run(
+        [sys.executable, "-m", "ludus", *arguments],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=150,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert list((tmp_path / "runs").iterdir())
+    assert left_processes() == []
