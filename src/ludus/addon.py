@@ -21,7 +21,7 @@ from ludus.engine.config_file import add_string, add_to_string_array, parse_conf
 from ludus.engine.kinds import EngineKind
 from ludus.engine.project import PROJECT_FILE, find_project, read_project
 from ludus.engine.script_classes import add_script_classes, find_script_classes
-from ludus.errors import ConfigError, SetupError, TargetError
+from ludus.errors import ConfigError, SetupError
 
 __all__ = [
     "ADDON_PATH",
@@ -31,7 +31,6 @@ __all__ = [
     "AddonChange",
     "AddonStatus",
     "addon_status",
-    "godot4_root",
     "install_addon",
     "install_folder",
 ]
@@ -45,7 +44,10 @@ BRIDGE = "res://addons/ludus/ludus_bridge.gd"
 _ENABLED_KEY = "editor_plugins/enabled"
 _AUTOLOAD_KEY = "autoload/Ludus"
 _ARRAY_TYPES = {EngineKind.GODOT4: "PackedStringArray", EngineKind.GODOT3: "PoolStringArray"}
-_SIGNS = {ADDON_PATH: "plugin.cfg", CLASSIC_PATH: "ai_runner.gd"}
+_SIGNS = {
+    EngineKind.GODOT4: {ADDON_PATH: "plugin.cfg", CLASSIC_PATH: "ai_runner.gd"},
+    EngineKind.GODOT3: {ADDON_PATH: "plugin.cfg", CLASSIC_PATH: "gym_godot.gd"},
+}
 """A file by which a folder of the add-on is known to be whole."""
 
 _log = logging.getLogger(__name__)
@@ -153,7 +155,7 @@ def install_addon(project: Path, *, force: bool = False) -> AddonChange:
     """
     found = find_project(project)
     root = found.root
-    if found.engine_kind is EngineKind.GODOT4 and (root / CLASSIC_PATH).is_dir():
+    if (root / CLASSIC_PATH).is_dir():
         install_folder(root, CLASSIC_PATH, force=force)
     change = install_folder(root, ADDON_PATH, force=force)
     try:
@@ -190,22 +192,6 @@ def _not_installed(root: Path, error: OSError) -> SetupError:
     )
 
 
-def godot4_root(path: Path) -> Path:
-    """Return the folder of the Godot 4 project that ``path`` is in.
-
-    Raises:
-        TargetError: There is none.
-    """
-    project = find_project(path)
-    if project.engine_kind is not EngineKind.GODOT4:
-        raise TargetError(
-            f"{project.root} is a {project.engine_kind.traits.label} project; the add-on is for "
-            "Godot 4",
-            hint="copy engines/godot3/addons/ludus into a Godot 3 project by hand",
-        )
-    return project.root
-
-
 def _survey(root: Path, path: str) -> _Files:
     target = root / path
     files = _Files(_hashes(_bundled_addon(root, path)), _hashes(target))
@@ -221,10 +207,11 @@ def _survey(root: Path, path: str) -> _Files:
 
 
 def _bundled_addon(root: Path, path: str) -> Path:
-    source = bundled_root(read_project(root).engine_kind) / path
-    if not (source / _SIGNS[path]).is_file():
+    kind = read_project(root).engine_kind
+    source = bundled_root(kind) / path
+    if not (source / _SIGNS[kind][path]).is_file():
         raise SetupError(
-            f"this installation of Ludus lacks its add-on ({source / _SIGNS[path]})",
+            f"this installation of Ludus lacks its add-on ({source / _SIGNS[kind][path]})",
             hint="install Ludus again: pip install --force-reinstall ludus-rl",
         )
     return source
@@ -321,8 +308,9 @@ def _switch_on(root: Path) -> bool:
     enabled = add_to_string_array(text, _ENABLED_KEY, PLUGIN, _ARRAY_TYPES[kind])
     enabled = add_string(enabled, _AUTOLOAD_KEY, f"*{BRIDGE}")
     if kind is EngineKind.GODOT3:
-        scripts = find_script_classes(root / ADDON_PATH, f"res://{ADDON_PATH}")
-        enabled = add_script_classes(enabled, scripts)
+        for path in (ADDON_PATH, CLASSIC_PATH):
+            scripts = find_script_classes(root / path, f"res://{path}")
+            enabled = add_script_classes(enabled, scripts)
     if enabled == text:
         return False
     file = root / PROJECT_FILE

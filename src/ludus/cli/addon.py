@@ -22,8 +22,8 @@ class Install:
     Attributes:
         project: Folder of the project.
         force: Overwrite files of the add-on that were changed there.
-        classic: Let a game that was written for godot-ai use the add-on's classes of the same
-            names; godot-ai's own are put aside.
+        classic: Let a game that was written for godot-ai, or in Godot 3 for GymGodot, use what the
+            add-on has in its place; godot-ai's or GymGodot's own files are put aside.
     """
 
     project: tyro.conf.Positional[Path]
@@ -71,6 +71,9 @@ def _install_classic(command: Install) -> None:
     _tell("ludus_classic", change.classic)
     for path in change.replaced:
         sys.stdout.write(f"  replaced: {path} (kept in {change.kept})\n")
+    for path in change.without_action:
+        text = "set discrete_n or continuous_size on its GymGodot node, as in Python"
+        sys.stdout.write(f"  {path}: {text}\n")
 
 
 def _tell(name: str, change: AddonChange) -> None:

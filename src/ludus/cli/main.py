@@ -32,6 +32,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "train": ("ludus.cli.train", "train agents in a game"),
     "evaluate": ("ludus.cli.evaluate", "play episodes with trained agents and report the returns"),
     "play": ("ludus.cli.play", "watch trained agents in a window"),
+    "record": ("ludus.cli.record", "film a game, played by trained agents or as it is"),
     "runs": ("ludus.cli.runs", "list training runs and how they went"),
     "control": ("ludus.cli.control", "switch modes of a running run, save or stop it"),
     "league": ("ludus.cli.league", "let the agents of a run and their past selves play each other"),
@@ -46,7 +47,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
 
 EXTRAS = {"platformdirs": "engine", "tyro": "cli", "rich": "cli", "psutil": "cli",
           "torch": "train", "safetensors": "train", "tensorboard": "train",
-          "matplotlib": "train", "onnx": "export", "onnxruntime": "export"}  # fmt: skip
+          "matplotlib": "train", "onnx": "export", "onnxruntime": "export",
+          "av": "record"}  # fmt: skip
 """Which extra brings a package that may be missing."""
 
 EXIT_OTHER, EXIT_USAGE, EXIT_INTERRUPTED, EXIT_TERMINATED, EXIT_PIPE = 1, 2, 130, 143, 141

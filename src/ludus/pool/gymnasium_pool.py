@@ -43,7 +43,8 @@ class GymnasiumPool:
 
     Observations may be boxes or dictionaries of boxes, actions discrete, multi-discrete or bounded
     boxes. An ``action_mask`` in the info of a reset counts as the policy's mask.
-    ``reset(parameters=)`` reaches the environments as ``options``.
+    ``reset(parameters=)`` reaches the environments as ``options``. ``open_env`` makes one
+    environment; None: Gymnasium makes ``env_id``.
     """
 
     def __init__(
@@ -53,9 +54,11 @@ class GymnasiumPool:
         num_worlds: int = 1,
         num_engines: int = 1,
         max_episode_steps: int | None = None,
+        open_env: Callable[[], GymEnv] | None = None,
     ) -> None:
         self._num_worlds, self._num_engines = num_worlds, num_engines
-        self._envs = [_make(env_id, max_episode_steps) for _ in range(num_worlds * num_engines)]
+        open_env = open_env or (lambda: _make(env_id, max_episode_steps))
+        self._envs = [open_env() for _ in range(num_worlds * num_engines)]
         self._spec = self._read_spec(env_id)
         policy = self._spec.policies[0]
         self._to_action = action_reader(self._envs[0].action_space)

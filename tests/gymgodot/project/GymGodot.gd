@@ -1,11 +1,17 @@
+# The names in camelCase are GymGodot's.
+# gdlint: disable=class-variable-name
 extends Node
 ## The game's side of GymGodot's wire, written anew from its description: connects to Python, lets
-## the game run for [member step_length] frames a step, and pauses it between steps.
+## the game run for [member stepLength] frames a step, and pauses it between steps.
 
+## Whether Python plays; else the scene runs on its own.
+export var enabled: bool = true
 ## Frames of a step; the action is applied in each of them.
-export var step_length: int = 2
+export var stepLength: int = 2
 ## Node with the five methods.
-export var environment_node: NodePath
+export var environmentNode: NodePath
+## Print what Python asks for.
+export var debugPrint: bool = false
 
 var _client := WebSocketClient.new()
 var _arguments: Dictionary = {"serverIP": "127.0.0.1", "serverPort": "8000", "renderPath": "./"}
@@ -13,10 +19,14 @@ var _action: Array = []
 var _num_frames: int = 0
 var _num_pictures: int = 0
 
-onready var _environment: Node = get_node(environment_node)
+onready var _environment: Node = get_node(environmentNode)
 
 
 func _ready() -> void:
+	set_process(enabled)
+	set_physics_process(enabled)
+	if not enabled:
+		return
 	pause_mode = Node.PAUSE_MODE_PROCESS
 	get_tree().paused = true
 	_read_arguments()
@@ -35,7 +45,7 @@ func _process(_delta: float) -> void:
 
 
 func _physics_process(_delta: float) -> void:
-	if _num_frames == step_length:
+	if _num_frames == stepLength:
 		get_tree().paused = true
 		_num_frames = 0
 		_answer_step()
@@ -57,6 +67,8 @@ func _on_connection(_protocol: String) -> void:
 
 func _on_data() -> void:
 	var request: Dictionary = parse_json(_client.get_peer(1).get_packet().get_string_from_utf8())
+	if debugPrint:
+		print("GYMGODOT : %s" % request)
 	match request.cmd:
 		"reset":
 			_environment.reset()

@@ -1,0 +1,22 @@
+"""Films of games: play, take every frame, write a video.
+
+::
+
+    recording     what to film, with whom, how long; `ludus record`
+    game_film     a Godot game in a window
+    gym_film      a Gymnasium environment that renders to arrays
+    playing       plays a pool until the film is long enough
+    players       trained runs, policy files, chance
+    camera        takes the frames of a Godot game; recorder.gd sends them
+    screen        a screen of its own where there is none
+    film          encodes frames into a file
+    palette       the colours of a GIF
+    film_kinds    .mp4, .webm, .gif
+
+Each imports only those below it.
+"""
+
+from ludus.record.film import Film
+from ludus.record.recording import RecordConfig, Recorded, record
+
+__all__ = ["Film", "RecordConfig", "Recorded", "record"]

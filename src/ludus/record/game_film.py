@@ -1,0 +1,232 @@
+"""Film a Godot game in a window."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+
+from ludus.engine import (
+    EngineProcess,
+    GodotFlags,
+    LaunchConfig,
+    Target,
+    TargetKind,
+    ensure_imported,
+    find_engine,
+    godot_command,
+)
+from ludus.engine.find import InstalledEngine
+from ludus.engine.project import Project
+from ludus.errors import EngineCrashed, EngineError, EngineTimeout, SetupError, TargetError
+from ludus.pool import PoolConfig, open_pool
+from ludus.pool.interface import Pool
+from ludus.record.camera import Camera
+from ludus.record.film import Film, Frame
+from ludus.record.players import Act
+from ludus.record.playing import Play
+from ludus.record.screen import screen, variables
+from ludus.session import LaunchOptions
+
+__all__ = ["Shot", "film_alone", "film_played", "game_rate", "require_project"]
+
+CONNECT_S = 60.0
+SILENCE_S = 120.0
+"""How long a game that nobody plays may take for a frame."""
+
+_POLL_S = 0.05
+_NO_RENDERER = ("Display is not available", "Your video card", "Unable to create", "GLX", "EGL")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shot:
+    """What is taken of a game.
+
+    Attributes:
+        film: Gets the frames.
+        every: Frames of the game for one of the film.
+        num_frames: Longest film, frames.
+        num_episodes: End after so many episodes of every policy; None: never.
+        num_skipped: Frames left out at the beginning.
+        window: Width and height of the window, pixels; None: the project's.
+        seed: Of worlds.
+    """
+
+    film: Film
+    every: int
+    num_frames: int
+    num_episodes: int | None
+    num_skipped: int
+    window: tuple[int, int] | None
+    seed: int
+
+
+def require_project(target: Target) -> Project:
+    """Return the project of a target that can be filmed.
+
+    Raises:
+        TargetError: It opens no window, or none that we could look into.
+    """
+    if target.kind is TargetKind.EXECUTABLE:
+        raise TargetError(
+            f"{target.name} is an exported game, which cannot be filmed",
+            hint="film the project that it was exported from",
+        )
+    if target.project is None:
+        raise TargetError(
+            f"{target.name} is a game that somebody else starts, whose window cannot be filmed",
+            hint="name a bundled example, a project folder or a scene, and a run with --policy",
+        )
+    return target.project
+
+
+def game_rate(project: Project) -> Fraction:
+    """Return how many frames a second of game time has: one for each physics tick."""
+    return Fraction(project.ticks_per_second)
+
+
+def film_played(
+    target: Target, config: PoolConfig, player: Callable[[Pool], Act], shot: Shot
+) -> dict[str, int]:
+    """Film a game that Python plays; return how many episodes of each policy have ended.
+
+    The first frame shows the game after the first ticks of the first step.
+
+    Args:
+        target: Of a project.
+        config: Of the pool; how it is launched is chosen here.
+        player: From the pool to the way to act in it.
+        shot: What is taken.
+
+    Raises:
+        EngineError: The game failed.
+        RunError: The film could not be written.
+        SetupError: There is no screen, or nothing to draw with.
+    """
+    engine = _engine_of(target)
+    with _camera(shot) as camera, _explained(engine):
+        launch = LaunchOptions(is_windowed=True, engine_args=_engine_args(engine, shot))
+        settings = PoolConfig(
+            scene=target.scene,
+            ticks_per_step=config.ticks_per_step,
+            max_episode_steps=config.max_episode_steps,
+            godot=config.godot,
+            is_pinned=False,
+            launch=launch,
+        )
+        with open_pool(require_project(target).root, settings) as pool:
+            camera.connect(CONNECT_S, lambda: None)
+            play = Play(pool, player(pool), shot.seed)
+            camera.begin()
+            play.run(shot.num_episodes, _is_full(camera, pool, shot))
+            camera.end()
+            play.step()
+            camera.finish()
+        return dict(play.num_episodes)
+
+
+def film_alone(target: Target, shot: Shot) -> None:
+    """Film a game that plays itself, or that nobody plays; errors as :func:`film_played`."""
+    engine = _engine_of(target)
+    project = require_project(target)
+    ensure_imported(engine, project)
+    flags = GodotFlags(
+        headless=False,
+        fixed_fps=project.ticks_per_second,
+        engine_args=_engine_args(engine, shot),
+    )
+    command = godot_command(engine, project.root, target.scene, flags)
+    with (
+        _camera(shot) as camera,
+        _explained(engine),
+        EngineProcess.start(LaunchConfig(command=command)) as process,
+    ):
+        camera.connect(CONNECT_S, lambda: _check_alive(process))
+        camera.begin()
+        _await_film(camera, process)
+
+
+@contextmanager
+def _camera(shot: Shot) -> Generator[Camera]:
+    """Give a camera, a screen, and what a game must know of both."""
+    skipped = iter(range(shot.num_skipped))
+
+    def take(frame: Frame) -> None:
+        if next(skipped, None) is None:
+            shot.film.add(frame)
+
+    camera = Camera(take, shot.every, shot.num_skipped + shot.num_frames)
+    with contextlib.closing(camera), screen(), variables(camera.variable):
+        try:
+            yield camera
+        except EngineError:
+            camera.check()  # a film that cannot be written ends the game, too
+            raise
+
+
+@contextmanager
+def _explained(engine: InstalledEngine) -> Generator[None]:
+    """Say what is missing where the game could not draw."""
+    try:
+        yield
+    except EngineError as error:
+        if any(sign in error.message for sign in _NO_RENDERER):
+            raise SetupError(
+                f"{engine.path} could not draw: {error.message}",
+                hint=f"ludus engine install {engine.kind} --rendering",
+            ) from error
+        raise
+
+
+def _engine_of(target: Target) -> InstalledEngine:
+    kind = require_project(target).engine_kind
+    engine = find_engine(kind, target.godot)
+    if "server" in engine.executable(headless=False).name:
+        raise SetupError(
+            f"{engine.path} has no renderer",
+            hint=f"ludus engine install {kind} --rendering, or name another one with --godot",
+        )
+    return engine
+
+
+def _engine_args(engine: InstalledEngine, shot: Shot) -> tuple[str, ...]:
+    arguments = Camera.engine_args(engine.kind)
+    if shot.window is None:
+        return arguments
+    width, height = shot.window
+    return (*arguments, "--resolution", f"{width}x{height}")
+
+
+def _is_full(camera: Camera, pool: Pool, shot: Shot) -> Callable[[], bool]:
+    """Return what tells whether enough has been played; the frames may still be on their way."""
+    first = pool.times(0).tick
+    num_ticks = (shot.num_skipped + shot.num_frames) * shot.every
+
+    def is_full() -> bool:
+        camera.check()
+        return pool.times(0).tick - first >= num_ticks
+
+    return is_full
+
+
+def _await_film(camera: Camera, process: EngineProcess) -> None:
+    num_frames, since = 0, time.monotonic()
+    while not camera.is_full:
+        camera.check()
+        time.sleep(_POLL_S)
+        if camera.num_frames > num_frames:
+            num_frames, since = camera.num_frames, time.monotonic()
+        elif time.monotonic() - since > SILENCE_S:
+            raise EngineTimeout(f"the game drew no frame for {SILENCE_S:g} s")
+        else:
+            _check_alive(process)
+
+
+def _check_alive(process: EngineProcess) -> None:
+    if (code := process.poll()) is not None:
+        raise EngineCrashed(
+            f"the game ended before its film: {process.describe_death()}", process_exit_code=code
+        )

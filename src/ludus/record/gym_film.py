@@ -1,0 +1,144 @@
+"""Film a Gymnasium environment that renders to arrays; GymGodot games are some."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from ludus.errors import ConfigError, TargetError
+from ludus.pool.gymnasium_pool import GymnasiumPool
+from ludus.pool.interface import Pool
+from ludus.record.film import Film, Frame
+from ludus.record.players import Act
+from ludus.record.playing import Play
+
+__all__ = ["GYMNASIUM_PREFIX", "env_rate", "film_gymnasium", "make_rendering"]
+
+GYMNASIUM_PREFIX = "gym:"
+RENDER_MODE = "rgb_array"
+
+GymEnv = gymnasium.Env[Any, Any]
+
+
+def make_rendering(env_id: str, max_episode_steps: int | None) -> GymEnv:
+    """Make an environment whose frames can be filmed.
+
+    Raises:
+        TargetError: There is no such environment, or it does not render to arrays.
+    """
+    try:
+        return gymnasium.make(
+            env_id,
+            max_episode_steps=max_episode_steps,
+            render_mode=RENDER_MODE,
+            disable_env_checker=True,
+        )
+    except (gymnasium.error.Error, ImportError, TypeError, ValueError) as error:
+        raise TargetError(
+            f"Gymnasium cannot make {env_id!r} with render_mode={RENDER_MODE!r}: {error}",
+            "MODULE:ENV_ID imports a module first; the environment must take a render_mode",
+        ) from error
+
+
+def env_rate(env: GymEnv) -> Fraction:
+    """Return the frames per second that an environment says it has.
+
+    Raises:
+        ConfigError: It does not say.
+    """
+    rate = env.metadata.get("render_fps")
+    if not isinstance(rate, int | float) or rate <= 0:
+        raise ConfigError(
+            f"the environment's metadata has no render_fps, but {rate!r}",
+            hint='set metadata["render_fps"] in its class',
+        )
+    return Fraction(rate).limit_denominator(1000)
+
+
+def film_gymnasium(
+    env: GymEnv,
+    player: Callable[[Pool], Act],
+    film: Film,
+    *,
+    every: int,
+    num_frames: int,
+    num_skipped: int,
+    num_episodes: int | None,
+    seed: int,
+) -> dict[str, int]:
+    """Film an environment; return how many episodes have ended.
+
+    Args:
+        env: As :func:`make_rendering` makes it; closed afterwards.
+        player: From the pool to the way to act in it.
+        film: Gets the first state of every episode, and the state after each step.
+        every: Frames of the environment for one of the film.
+        num_frames: Longest film, frames.
+        num_skipped: Frames of the film left out at the beginning.
+        num_episodes: End after so many; None: never.
+        seed: Of the environment.
+
+    Raises:
+        TargetError: It renders something that is no picture.
+        RunError: The film could not be written.
+    """
+    counter = _Counter(film, every, num_skipped)
+    filmed = _Filmed(env, counter.take)
+    with contextlib.closing(GymnasiumPool("", open_env=lambda: filmed)) as pool:
+        play = Play(pool, player(pool), seed)
+        play.run(num_episodes, lambda: film.num_frames >= num_frames)
+        return dict(play.num_episodes)
+
+
+class _Counter:
+    """Passes on every so many frames, from some number on."""
+
+    def __init__(self, film: Film, every: int, num_skipped: int) -> None:
+        self._film, self._every = film, every
+        self._count = -num_skipped * every
+
+    def take(self, frame: Any) -> None:
+        is_wanted = self._count >= 0 and self._count % self._every == 0
+        self._count += 1
+        if is_wanted:
+            self._film.add(_checked(frame))
+
+
+def _checked(frame: Any) -> Frame:
+    array: NDArray[Any] = np.asarray(frame)
+    if array.dtype != np.uint8 or array.shape[2:] != (3,):
+        raise TargetError(
+            f"render() returned {type(frame).__name__}, expected uint8[height, width, 3]",
+            hint='the environment must follow render_mode="rgb_array"',
+        )
+    return array
+
+
+class _Filmed(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """Hands the first state of every episode, and the state after each step, to ``shoot``."""
+
+    def __init__(self, env: GymEnv, shoot: Callable[[Any], None]) -> None:
+        super().__init__(env)
+        self._shoot = shoot
+        self._is_first = True
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        # The pool begins an episode that may never be played: film it when a step follows.
+        self._is_first = True
+        return super().reset(seed=seed, options=options)
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        if self._is_first:
+            self._is_first = False
+            self._shoot(self.env.render())
+        result = super().step(action)
+        self._shoot(self.env.render())
+        return result
