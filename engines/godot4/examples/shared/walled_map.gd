@@ -29,12 +29,18 @@ var _turns: Array[Transform2D] = []
 var _half_lengths := PackedFloat64Array()
 
 
-## Puts [param count] walls at random places; fewer if there is no room for so many.
-func build(rng: RandomNumberGenerator, count: int) -> void:
+## Puts [param count] walls at random places; fewer if there is no room for so many. Their lengths
+## lie between [param shortest] and [param longest], pixels.
+func build(
+	rng: RandomNumberGenerator,
+	count: int,
+	shortest: float = SHORTEST_WALL,
+	longest: float = LONGEST_WALL
+) -> void:
 	clear()
 	for i: int in count:
 		for attempt: int in _MAX_TRIES:
-			var half := rng.randf_range(SHORTEST_WALL, LONGEST_WALL) / 2.0
+			var half := rng.randf_range(shortest, longest) / 2.0
 			var along := Vector2.from_angle(rng.randf_range(0.0, PI)) * half
 			var reach := Vector2.ONE * (RADIUS - PASSAGE) - along.abs()
 			var x := rng.randf_range(-reach.x, reach.x)

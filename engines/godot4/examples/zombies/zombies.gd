@@ -20,6 +20,9 @@ const SOLDIER := "soldier"
 const ZOMBIE := "zombie"
 const NUM_ZOMBIES := 2
 const MAX_WALLS := 4
+## Lengths of the walls, pixels: on average half the map's radius.
+const SHORTEST_WALL := 0.2 * Map.RADIUS
+const LONGEST_WALL := 0.8 * Map.RADIUS
 const NUM_ROUND_STEPS := 75
 ## Distance of each zombie from the soldier at the start, pixels.
 const START_DISTANCE := 0.6 * Map.RADIUS
@@ -89,7 +92,7 @@ func max_episode_steps() -> int:
 func begin_episode() -> void:
 	_is_score_rewarded = world.parameters.get(REWARD_PARAMETER, "change") == "score"
 	_is_turn = world.parameters.get(ROTATION_PARAMETER, "turn") == "turn"
-	map.build(world.rng, world.rng.randi_range(1, MAX_WALLS))
+	map.build(world.rng, world.rng.randi_range(1, MAX_WALLS), SHORTEST_WALL, LONGEST_WALL)
 	_place_all(world.rng)
 	num_steps = 0
 	num_rounds += 1
