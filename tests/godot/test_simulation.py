@@ -14,7 +14,7 @@ from ludus.batch import ActionBatch, Batches
 from ludus.check import CheckConfig, Status, run_checks
 from ludus.check.difference import first_difference
 from ludus.check.recording import Recording, record
-from ludus.engine import resolve_target
+from ludus.engine import EngineKind, read_project, resolve_target
 from ludus.errors import EngineError, LudusError
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.session import EngineSession, open_session
@@ -22,17 +22,21 @@ from ludus.train.config import PPOConfig, TrainConfig
 from ludus.train.loop import train
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetAction, ResetRequest
-from tests.godot.simulation_games import write_project
+from tests.godot import simulation_games
+from tests.godot3 import simulation_games as simulation_games_3
 
 pytestmark = pytest.mark.engine
 TICKS, SUM, DRAW, EPISODES, CREATED = 1, 2, 3, 4, 5
 RUNNER_0_ENDS, RUNNER_1_ENDS, ROUND_ENDS = 2, 3, 5
+GAMES = {"godot4": simulation_games, "godot3": simulation_games_3}
+# Pixels per second², in the default settings of a project.
+GRAVITY_2D = {EngineKind.GODOT4: 980.0, EngineKind.GODOT3: 98.0}
 
 
-@pytest.fixture(scope="module")
-def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture(scope="module", params=list(GAMES))
+def project(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("simulations")
-    write_project(folder)
+    GAMES[request.param].write_project(folder)
     return folder
 
 
@@ -201,7 +205,8 @@ def test_physics_of_own_spaces(project: Path) -> None:
         pool.reset(1)
         batch = pool.step({"ball": ActionBatch.zeros(pool.policies["ball"], 1)})["ball"]
         x, y, x_speed, y_speed, height, awaited, found = batch.observation["observation"][0]
-        speeds = np.cumsum([980 / 60 * (1 - 0.1 / 60)] * 2)
+        gravity = GRAVITY_2D[read_project(project).engine_kind]
+        speeds = np.cumsum([gravity / 60 * (1 - 0.1 / 60)] * 2)
         assert x_speed == 0 and y_speed == pytest.approx(speeds[1], rel=2e-3)
         assert y == pytest.approx(speeds.sum() / 60, rel=2e-3) and abs(x) < 50
         assert height == pytest.approx(-9.8 / 60**2 * 3, rel=5e-3)

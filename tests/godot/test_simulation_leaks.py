@@ -64,7 +64,7 @@ def last_words(engine: InstalledEngine, folder: Path, name: str, layout: str) ->
     project = read_project(folder)
     ensure_imported(engine, project)
     listener = Listener()
-    flags = GodotFlags(user_args=(f"--ludus-connect={listener.addresses[0]}",))
+    flags = GodotFlags(user_args=(f"--ludus-connect={','.join(listener.addresses)}",))
     program, *rest = godot_command(engine, project.root, RUN_SCENE, flags)
     log = folder / f"{name}_{layout}.log"
     command = (program, "--verbose", *rest)

@@ -14,6 +14,7 @@ from ludus.errors import (
     LudusError,
     ProtocolError,
     SequenceError,
+    SetupError,
     TargetError,
     UsageError,
 )
@@ -31,12 +32,16 @@ from ludus.wire.spec_reader import read_spec
 from ludus.wire.state import ConnectionState, State
 from ludus.wire.step import BatchDecoder, StepEncoder
 
-__all__ = ["BRIDGE", "EngineSession"]
+__all__ = ["BRIDGE", "EngineSession", "RendererMissing"]
 
 _ENDINGS = (FrameType.ERROR, FrameType.CLOSE)
 _GOODBYE_S = 1.0
 BRIDGE = {"bridge": True}
 """Target of calls of the add-on's own methods (PROTOCOL.md §8)."""
+
+
+class RendererMissing(SetupError):  # noqa: N818 - reads as what happened
+    """The game has cameras, and the engine that runs it does not draw (PROTOCOL.md §9)."""
 
 
 class EngineSession:
@@ -311,6 +316,7 @@ class EngineSession:
             "game": GameError,
             "version": EngineStartError,
             "token": EngineStartError,
+            "renderer": RendererMissing,
         }
         return kinds.get(str(report.get("code")), ProtocolError)(message, hint)
 

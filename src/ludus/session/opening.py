@@ -21,13 +21,14 @@ from ludus.engine import (
 )
 from ludus.errors import EngineStartError, EngineTimeout, TargetError
 from ludus.link import Link, Listener, connect
-from ludus.session.engine_session import EngineSession
+from ludus.session.engine_session import EngineSession, RendererMissing
 from ludus.session.supervision import Supervision
 from ludus.wire.handshake import EngineConfig
 
 __all__ = ["LaunchOptions", "open_session"]
 
 RUN_SCENE = "res://addons/ludus/run.tscn"
+_DRAW_ONLY_WHEN_ASKED = ("--disable-render-loop", "--resolution", "64x64")
 _MIN_GREETING_S = 1.0
 
 
@@ -37,6 +38,8 @@ class LaunchOptions:
 
     Attributes:
         is_windowed: Open a window and draw.
+        has_renderer: Start an engine that can draw for the cameras of agents, with no window to
+            watch. A game that has such cameras gets one anyway; this saves the attempt without.
         is_real_time: Run at the speed of the game, not as fast as possible.
         cores: Cores the engine is pinned to; None: the system decides.
         log_path: File for the engine's output.
@@ -48,6 +51,7 @@ class LaunchOptions:
     """
 
     is_windowed: bool = False
+    has_renderer: bool = False
     is_real_time: bool = False
     cores: tuple[int, ...] | None = None
     log_path: Path | None = None
@@ -66,6 +70,7 @@ def open_session(
     Raises:
         TargetError: The target cannot be run.
         EngineNotFound: There is no engine to run it with.
+        SetupError: It has cameras, and nothing here can draw.
         EngineError: The engine did not start, died, froze or broke the protocol.
     """
     options = options or LaunchOptions()
@@ -73,7 +78,13 @@ def open_session(
         return _converse(_connect(target, options), None, config, options)
     if target.kind is TargetKind.PLAY:
         return _await_play(target, config, options)
-    return _launch(target, replace(config, scene=config.scene or target.scene), options)
+    config = replace(config, scene=config.scene or target.scene)
+    try:
+        return _launch(target, config, options)
+    except RendererMissing:
+        if options.is_windowed or options.has_renderer:
+            raise
+    return _launch(target, config, replace(options, has_renderer=True))
 
 
 def _launch(target: Target, config: EngineConfig, options: LaunchOptions) -> EngineSession:
@@ -112,11 +123,13 @@ def _converse(
 
 def _command(target: Target, options: LaunchOptions, user_args: tuple[str, ...]) -> tuple[str, ...]:
     project = target.project
+    has_renderer = options.is_windowed or options.has_renderer
+    unseen = () if options.is_windowed or not has_renderer else _DRAW_ONLY_WHEN_ASKED
     flags = GodotFlags(
-        headless=not options.is_windowed,
+        headless=not has_renderer,
         fixed_fps=None if options.is_real_time else (project.ticks_per_second if project else 60),
         user_args=user_args,
-        engine_args=options.engine_args,
+        engine_args=(*unseen, *options.engine_args),
     )
     if project is None:
         assert target.executable is not None
@@ -131,7 +144,7 @@ def _command(target: Target, options: LaunchOptions, user_args: tuple[str, ...])
         assert engine is not None
         ensure_imported(engine, project)
         command = godot_command(engine, project.root, RUN_SCENE, flags)
-    return with_display(command) if options.is_windowed else command
+    return with_display(command) if has_renderer else command
 
 
 def _connect(target: Target, options: LaunchOptions) -> Link:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from ludus.addon import install_addon
@@ -19,6 +21,7 @@ from ludus.engine import (
     godot_command,
     read_project,
 )
+from tests.serve.guided import godot3_game
 
 __all__ = ["EPISODE_STEPS", "NUM_WORLDS", "GodotGame", "make_project"]
 
@@ -119,7 +122,7 @@ func _process(_delta: float) -> void:
 			training.call(words[0])
 """
 
-MAIN = f"""\
+MAIN = """\
 [gd_scene format=3]
 [ext_resource type="Script" path="res://addons/ludus/ludus_training.gd" id="1"]
 [ext_resource type="Script" path="res://driver.gd" id="2"]
@@ -127,7 +130,7 @@ MAIN = f"""\
 [node name="Training" type="Node" parent="."]
 script = ExtResource("1")
 run_name = "pennies"
-num_worlds = {NUM_WORLDS}
+num_worlds = {num_worlds}
 checkpoint_every_updates = 4
 starts_by_itself = false
 scene_path = "res://pennies.tscn"
@@ -136,15 +139,23 @@ script = ExtResource("2")
 """
 
 
-def make_project(folder: Path, observation_size: int = 2) -> Path:
+def texts(kind: EngineKind) -> ModuleType:
+    """Return the module with the scripts and scenes for a kind of Godot."""
+    return godot3_game if kind is EngineKind.GODOT3 else sys.modules[__name__]
+
+
+def make_project(
+    folder: Path, observation_size: int = 2, kind: EngineKind = EngineKind.GODOT4
+) -> Path:
     """Write the project into a folder; returns it."""
     folder.mkdir(exist_ok=True)
-    pennies = PENNIES.replace("SIZE", str(observation_size))
-    (folder / "project.godot").write_text(PROJECT)
+    own = texts(kind)
+    pennies = own.PENNIES.replace("SIZE", str(observation_size))
+    (folder / "project.godot").write_text(own.PROJECT)
     (folder / "pennies.gd").write_text(pennies)
-    (folder / "pennies.tscn").write_text(SCENE)
-    (folder / "driver.gd").write_text(DRIVER)
-    (folder / "main.tscn").write_text(MAIN)
+    (folder / "pennies.tscn").write_text(own.SCENE)
+    (folder / "driver.gd").write_text(own.DRIVER)
+    (folder / "main.tscn").write_text(own.MAIN.format(num_worlds=NUM_WORLDS))
     install_addon(folder)
     return folder
 
@@ -157,8 +168,9 @@ class GodotGame:
     """
 
     def __init__(self, project: Path, folder: Path, port: int) -> None:
-        engine = find_engine(EngineKind.GODOT4)
-        ensure_imported(engine, read_project(project))
+        found = read_project(project)
+        engine = find_engine(found.engine_kind)
+        ensure_imported(engine, found)
         folder.mkdir()
         self._folder = folder
         self._num_seen = 0

@@ -49,8 +49,8 @@ export var policy: Resource setget set_policy
 ## Whether the policy draws its actions, as in training, instead of taking the most probable ones.
 export var is_sampling: bool = false
 
-## The node that has the five methods.
-var target: Node
+## What has the five methods: a node, or the seat of an agent of a [LudusSimulation].
+var target: Object
 ## The world this agent lives in.
 var world: LudusWorld
 ## Steps since the episode began.
@@ -160,13 +160,13 @@ func get_episode_steps() -> int:
 	return _batch.episode_steps(_slot) if _batch != null else _manual_steps
 
 
-func _find_target() -> Node:
+func _find_target() -> Object:
 	if has_method(REQUIRED_METHODS[0]):
 		return self
 	return get_parent() if target_path.is_empty() else get_node_or_null(target_path)
 
 
-func _describe(node: Node) -> String:
+func _describe(node: Object) -> String:
 	var script: Script = node.get_script()
 	return "%s (%s)" % [node.name, script.resource_path if script != null else node.get_class()]
 

@@ -5,6 +5,7 @@ extends Reference
 const CEILING_METHOD := "run_ceiling"
 const TAKE_REQUESTS_METHOD := "take_requests"
 const SHOW_STATUS_METHOD := "show_status"
+const STAND_BY_METHOD := "stand_by"
 
 var _message: Dictionary = {}
 
@@ -18,6 +19,17 @@ func _init(payload: PoolByteArray) -> void:
 ## Whether the add-on itself is asked to measure the ceiling.
 func is_ceiling() -> bool:
 	return is_for_bridge() and _method() == CEILING_METHOD
+
+
+## Whether the game is told to go on by itself.
+func is_stand_by() -> bool:
+	return is_for_bridge() and _method() == STAND_BY_METHOD
+
+
+## The answer to a call that has nothing to return.
+func answer_nothing() -> PoolByteArray:
+	var result := {"id": int(_message.get("id", 0)), "value": null}
+	return LudusWire.json_frame(LudusWire.Type.RESULT, result)
 
 
 ## Whether the add-on itself is called.
@@ -59,10 +71,14 @@ func answer(game: LudusGame) -> PoolByteArray:
 	if callee == null:
 		result["error"] = "there is no world or agent %s" % LudusJson.write(_target())
 	elif not callee.has_method(method):
-		result["error"] = "%s has no method %s" % [callee.name, method]
+		result["error"] = "%s has no method %s" % [_name_of(callee), method]
 	else:
 		result["value"] = callee.callv(method, _arguments())
 	return LudusWire.json_frame(LudusWire.Type.RESULT, result)
+
+
+static func _name_of(callee: Object) -> String:
+	return callee.name if callee is Node else callee.get_script().resource_path
 
 
 func _method() -> String:

@@ -39,7 +39,12 @@ func open(max_episode_steps: int, ticks_override: int) -> bool:
 		var worlds := PoolIntArray()
 		for slot in rosters[name].size():
 			worlds.append(slot / _slots_per_world[name])
-		policies.append(LudusPolicyBatch.new(name, rosters[name], worlds, max_episode_steps))
+		var batch_class: GDScript = (
+			LudusSimulationBatch
+			if LudusSimulationBatch.fits(rosters[name])
+			else LudusPolicyBatch
+		)
+		policies.append(batch_class.new(name, rosters[name], worlds, max_episode_steps))
 		_num_agents_in_world += _slots_per_world[name]
 	_is_per_agent = _stage.worlds[0].episode_mode == LudusWorld.Episode.AGENT
 	_choose_ticks(ticks_override)
@@ -104,9 +109,10 @@ func collect() -> void:
 
 
 ## Whether worlds were made anew, so that one frame must pass, with everything paused, before
-## their nodes are part of the engine's loop.
+## their nodes are part of the engine's loop; or cameras must wait so long for what episodes that
+## have begun look like.
 func is_held() -> bool:
-	return not _fresh_worlds.empty()
+	return not _fresh_worlds.empty() or LudusCameras.take_beginnings()
 
 
 ## Prepares the worlds that were made anew for that frame.
@@ -146,7 +152,7 @@ func find_target(target: Dictionary) -> Object:
 		return null
 	var root: Node = _stage.worlds[i].root
 	if target.get("agent") == null:
-		return root
+		return root.simulation if root is LudusSimulationHost else root
 	var agent := root.get_node_or_null(NodePath(str(target["agent"]))) as LudusAgent
 	return agent.target if agent != null else null
 
@@ -177,6 +183,7 @@ func _rosters() -> Dictionary:
 
 func _agents_of(world: LudusWorld) -> Dictionary:
 	var by_policy := {}
+	_note_host_error(world)
 	for node in _nodes_under(world.root) + [world.root]:
 		var agent := node as LudusAgent
 		if agent == null or not agent.enabled:
@@ -248,7 +255,7 @@ func _continue_after(policy: LudusPolicyBatch, slot: int, ended: Array) -> void:
 		world.begin_episode()
 		if _num_agents_in_world == 1:
 			world.emit_signal("episode_started")
-			if world.settle_ticks > 0:
+			if world.settle_ticks > 0 or not world.is_ready:
 				_settling.append(world)
 		agent.target.reset()
 		policy.activate(slot)
@@ -313,8 +320,9 @@ func _begin_episode(i: int) -> void:
 			if policy.agents[slot] != null:
 				policy.agents[slot].target.reset()
 				policy.activate(slot)
-	if world.settle_ticks > 0:
+	if world.settle_ticks > 0 or not world.is_ready:
 		_settling.append(world)
+	_note_host_error(world)
 
 
 func _drop_leavers() -> void:
@@ -353,6 +361,11 @@ func _admit(agent: LudusAgent, i: int) -> void:
 			% [agent.path_in_world(), agent.policy_name]
 		)
 	)
+
+
+func _note_host_error(world: LudusWorld) -> void:
+	if world.root is LudusSimulationHost and error.empty():
+		error = world.root.error
 
 
 func _gather_errors() -> void:

@@ -2,7 +2,7 @@ class_name LudusManualPlay
 extends Reference
 ## Lets a person play while no trainer is there: agents whose target has
 ## [code]get_manual_action()[/code] act on it, and begin anew when they are done. Agents with a
-## policy are left to [LudusPolicyPlayer].
+## policy are left to [LudusPolicyPlayer]. Of many worlds the first one is played.
 
 var _tree: SceneTree
 var _tick: int = 0
@@ -21,7 +21,7 @@ func advance() -> void:
 			continue
 		if agent.target == null:
 			_begin(agent)
-		elif agent.has_manual_action():
+		elif agent.world.index == 0 and agent.has_manual_action() and agent.world.is_ready:
 			_play(agent)
 	_tick += 1
 
@@ -36,7 +36,7 @@ func _begin(agent: LudusAgent) -> void:
 
 
 func _play(agent: LudusAgent) -> void:
-	var target: Node = agent.target
+	var target := agent.target
 	if _tick % agent.ticks_per_step == 0:
 		var steps := agent.get_episode_steps() + 1
 		agent.set_episode_steps(steps)

@@ -52,12 +52,11 @@ static func show_scene(path: String, bridge: Node) -> bool:
 	return true
 
 
-## Greets the trainer, and loads the scene it asks for; if it names none, the one on show beside
-## [param bridge]. Returns false if that cannot be.
-func greet(link: LudusLink, token: String, bridge: Node) -> bool:
-	_handshake = LudusHandshake.new(link, token)
+## Greets the trainer, and loads the scene it asks for. Returns false if that cannot be.
+func greet(link: LudusLink, token: String, guidance: LudusGuidance) -> bool:
+	_handshake = LudusHandshake.new(link, token, guidance.to_json())
 	if _handshake.greet():
-		_scene = _handshake.load_scene(_scene_on_show(bridge))
+		_scene = _handshake.load_scene(guidance.scene_path())
 	if _scene == null:
 		code = _handshake.code
 		error = _handshake.error
@@ -68,15 +67,17 @@ func greet(link: LudusLink, token: String, bridge: Node) -> bool:
 
 
 ## Makes the worlds it asks for, under [param parent]. Returns false if that cannot be.
-func build(parent: Node) -> bool:
-	var shown := parent.get_tree().current_scene
-	if shown != null and shown != parent:
-		shown.free()
-	_make_stage(parent)
+func build(guidance: LudusGuidance, parent: Node) -> bool:
+	guidance.clear_the_stage()
+	_make_stage(guidance, parent)
 	var max_steps := _handshake.integer("max_episode_steps", 0)
 	if not game.open(max_steps, _handshake.integer("ticks_per_step", 0)):
 		code = "config"
 		error = "%s: %s" % [_scene.resource_path, game.error]
+	elif not LudusCameras.complaint().empty():
+		code = "renderer"
+		error = LudusCameras.complaint()
+		hint = LudusCameras.HINT
 	return error.empty()
 
 
@@ -87,19 +88,16 @@ func spec_frame() -> PoolByteArray:
 	return LudusWire.json_frame(LudusWire.Type.SPEC, spec)
 
 
-func _make_stage(parent: Node) -> void:
+func _make_stage(guidance: LudusGuidance, parent: Node) -> void:
+	var world_scene := LudusOuterScene.enter(_scene, parent.get_tree())
 	stage = LudusStage.new()
 	stage.name = "Stage"
 	parent.add_child(stage)
 	stage.configure(
-		_scene,
+		world_scene,
 		_handshake.integer("num_worlds", 1),
 		_handshake.integer("first_world", 0),
 		str(_handshake.config.get("layout", "scene"))
 	)
+	stage.num_drawn = guidance.num_drawn() if world_scene == _scene else 0
 	game = LudusGame.new(stage)
-
-
-func _scene_on_show(bridge: Node) -> String:
-	var current := bridge.get_tree().current_scene
-	return current.filename if current != null and current != bridge else ""

@@ -51,6 +51,13 @@ var parameters: Dictionary = {}
 var index: int = 0
 ## Number of episodes begun since the last seeded reset.
 var num_episodes: int = 0
+## Number of episodes begun since the world was made.
+var num_beginnings: int = 0
+## Whether the episode that has begun can be observed; false while a [LudusSimulation] awaits ticks
+## to begin it.
+var is_ready: bool = true
+## Whether people see this copy of the scene: what only draws may be left out where they do not.
+var is_drawn: bool = not OS.has_feature("Server")
 ## Root of this copy of the scene.
 var root: Node
 
@@ -123,6 +130,7 @@ func set_seed(value: int) -> void:
 func begin_episode() -> void:
 	rng.seed = _seed * SEED_FACTOR + num_episodes * EPISODE_FACTOR
 	num_episodes += 1
+	num_beginnings += 1
 
 
 ## A class of Godot 3 cannot name itself.

@@ -128,7 +128,7 @@ func _physics_process(_delta: float) -> void:
 		Phase.HELD:
 			get_tree().paused = false
 			_game.release()
-			if _settle_or_answer():
+			if _hold_or_answer():
 				_serve()
 		Phase.SETTLING:
 			_num_ticks += 1
@@ -384,7 +384,7 @@ func _greet() -> void:
 	_stage = opening.stage
 	_game = opening.game
 	if not is_built:
-		_fail(opening.code, opening.error)
+		_fail(opening.code, opening.error, opening.hint)
 		return
 	for policy: LudusPolicyBatch in _game.policies:
 		_requests.policy_names.append(policy.policy_name)

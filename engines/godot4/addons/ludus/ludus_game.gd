@@ -108,9 +108,10 @@ func collect() -> void:
 
 
 ## Whether worlds were made anew, so that one frame must pass, with everything paused, before
-## their nodes are part of the engine's loop.
+## their nodes are part of the engine's loop; or cameras must wait so long for what episodes that
+## have begun look like.
 func is_held() -> bool:
-	return not _fresh_worlds.is_empty()
+	return not _fresh_worlds.is_empty() or LudusCameras.take_beginnings()
 
 
 ## Begins the episodes of the worlds that were made anew.

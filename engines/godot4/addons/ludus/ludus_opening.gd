@@ -72,6 +72,10 @@ func build(guidance: LudusGuidance, parent: Node) -> bool:
 	if not game.open(max_steps, _handshake.integer("ticks_per_step", 0)):
 		code = "config"
 		error = "%s: %s" % [_scene.resource_path, game.error]
+	elif not LudusCameras.complaint().is_empty():
+		code = "renderer"
+		error = LudusCameras.complaint()
+		hint = LudusCameras.HINT
 	return error.is_empty()
 
 

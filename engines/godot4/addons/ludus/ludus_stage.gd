@@ -46,7 +46,7 @@ func build() -> bool:
 	for world: LudusWorld in worlds:
 		parameters.append(world.parameters)
 	clear()
-	_num_views = mini(num_drawn, _num_worlds) if DisplayServer.get_name() != "headless" else 0
+	_num_views = mini(num_drawn, _num_worlds) if _has_window() else 0
 	for i: int in _num_worlds:
 		var root := scene.instantiate()
 		var world := _prepare(root, i)
@@ -115,6 +115,11 @@ func set_running(running: Array[LudusWorld]) -> void:
 		)
 
 
+## Cameras of agents draw without one.
+static func _has_window() -> bool:
+	return DisplayServer.get_name() != "headless" and RenderingServer.render_loop_enabled
+
+
 func _prepare(root: Node, i: int) -> LudusWorld:
 	var world := LudusWorld.find_in(root)
 	if world == null:
@@ -174,7 +179,8 @@ func _show_first() -> void:
 		if not world.is_drawn or (layout == LudusWorld.Layout.GRID and world != worlds[0]):
 			continue
 		for camera: Node in world.root.find_children("*", "Camera3D", true, false):
-			(camera as Camera3D).make_current()
+			if camera is not LudusCamera3D:
+				(camera as Camera3D).make_current()
 		for camera: Node in world.root.find_children("*", "Camera2D", true, false):
 			(camera as Camera2D).make_current()
 

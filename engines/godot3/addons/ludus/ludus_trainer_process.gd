@@ -1,0 +1,114 @@
+class_name LudusTrainerProcess
+extends Reference
+## Starts [code]ludus serve[/code], the Python side of a game that guides its own training.
+##
+## It ends by itself once the game has gone.
+
+## Project setting with the path of the Python that has Ludus; empty: it is looked for.
+const PYTHON_SETTING := "ludus/training/python"
+## Environment variable with the same, for one machine.
+const PYTHON_VARIABLE := "LUDUS_PYTHON"
+const FOLDERS_ABOVE := 3
+## Exits with 0 if Ludus is there, without importing it.
+const PROBE := "import importlib.util, sys; sys.exit(importlib.util.find_spec('ludus') is None)"
+
+## Why there is no trainer, or an empty text.
+var error: String = ""
+
+var _pid: int = 0
+var _log_path: String = ""
+
+
+## Starts the server at [param port], with runs and policies in these folders. Returns false and
+## sets [member error] if that cannot be.
+func start(port: int, runs: String, policies: String) -> bool:
+	var python := find_python()
+	if python.empty():
+		return false
+	if not _make_folder(runs):
+		error = "cannot make the folder %s" % runs
+		return false
+	_log_path = runs.plus_file("serve.log")
+	var arguments := ["-m", "ludus.cli", "serve", "--once"]
+	arguments += ["--port", str(port), "--runs", runs]
+	arguments += ["--policies", policies, "--log", _log_path]
+	_pid = OS.execute(python, PoolStringArray(arguments), false)
+	if _pid <= 0:
+		error = "cannot start %s" % python
+	return _pid > 0
+
+
+## Whether it was started and has ended since.
+func has_ended() -> bool:
+	return _pid > 0 and not OS.is_process_running(_pid)
+
+
+## What became of a process that ended: the last line of its log.
+func describe_end() -> String:
+	var text := ""
+	var file := File.new()
+	if file.open(_log_path, File.READ) == OK:
+		text = file.get_as_text().strip_edges()
+		file.close()
+	var last: String = text.split("\n")[-1] if not text.empty() else "it wrote nothing"
+	return "ludus serve has ended: %s (%s)" % [last, _log_path]
+
+
+## Returns a Python that has Ludus: that of the project setting or the environment variable, or else
+## the first of the virtual environments around the project and those on the path. Empty, with
+## [member error], if there is none.
+func find_python() -> String:
+	var chosen := ""
+	if ProjectSettings.has_setting(PYTHON_SETTING):
+		chosen = str(ProjectSettings.get_setting(PYTHON_SETTING))
+	if chosen.empty():
+		chosen = OS.get_environment(PYTHON_VARIABLE)
+	if not chosen.empty():
+		var path := ProjectSettings.globalize_path(chosen)
+		if _has_ludus(path):
+			return path
+		error = "%s has no Ludus; run `%s -m pip install ludus-rl`" % [path, path]
+		return ""
+	for path in _candidates():
+		if _has_ludus(path):
+			return path
+	error = (
+		"no Python with Ludus was found; name one in the project setting %s, or run `ludus serve`"
+		% PYTHON_SETTING
+	)
+	return ""
+
+
+## Makes a folder that the editor does not look into.
+static func _make_folder(path: String) -> bool:
+	if Directory.new().make_dir_recursive(path) != OK:
+		return false
+	var mark := File.new()
+	if mark.file_exists(path.plus_file(".gdignore")):
+		return true
+	var is_made := mark.open(path.plus_file(".gdignore"), File.WRITE) == OK
+	mark.close()
+	return is_made
+
+
+static func _candidates() -> Array:
+	var folder := ProjectSettings.globalize_path("res://").trim_suffix("/")
+	if folder.empty():
+		folder = OS.get_executable_path().get_base_dir()
+	var folders := []
+	for _i in FOLDERS_ABOVE:
+		folders.append(folder.plus_file(".venv"))
+		folder = folder.get_base_dir()
+	folders.append(OS.get_environment("VIRTUAL_ENV"))
+	var found := []
+	var file := File.new()
+	for environment in folders:
+		for name in ["bin/python", "Scripts/python.exe"]:
+			var path: String = environment.plus_file(name)
+			if not environment.empty() and file.file_exists(path):
+				found.append(path)
+	return found + ["python3", "python"]
+
+
+static func _has_ludus(python: String) -> bool:
+	return OS.execute(python, ["-c", PROBE], true) == 0

@@ -1,0 +1,240 @@
+extends "ludus_test.gd"
+## A game that guides its own training: the node, its keys and overlay, how fast time passes.
+
+const ACTION := "ludus_start"
+
+var _told: Array = []
+
+
+func test_a_request_needs_a_guided_trainer() -> void:
+	var requests := LudusRequests.new()
+	check(not requests.add_guided("start"), "nobody is there")
+	requests.open(["requests"])
+	check(not requests.add_guided("start"), "the trainer guides")
+	requests.open(["requests", "guided"])
+	check(requests.add_guided("start"), "the game guides")
+	equal(requests.take(), [{"kind": "start"}], "what it asks")
+	check(requests.add_guided("start"), "again")
+	requests.close()
+	equal(requests.take().size(), 0, "the trainer has gone")
+	check(not requests.add_guided("start"), "afterwards")
+
+
+func test_the_greeting_tells_of_the_run() -> void:
+	var training := _training()
+	training.run_name = "tag-2"
+	training.num_worlds = 7
+	training.checkpoint_every_updates = 0
+	equal(training.to_json(), {"run": "tag-2", "num_worlds": 7}, "without numbered checkpoints")
+	training.checkpoint_every_updates = 50
+	equal(training.to_json()["checkpoint_every_updates"], 50, "with them")
+	training.free()
+
+
+func test_the_run_is_called_like_its_scene() -> void:
+	var training := _training()
+	training.scene_path = "res://some where/ball chäse.tscn"
+	equal(training.to_json()["run"], "ball_ch_se", "a name that the trainer takes")
+	training.free()
+
+
+func test_a_world_that_is_trained_is_not_in_charge() -> void:
+	var stage := LudusStage.new()
+	add(stage)
+	var training := _training()
+	stage.add_child(training)
+	check(not training.is_in_charge(), "under a stage")
+	equal(training.get_child_count(), 0, "neither keys nor overlay")
+	equal(training.state, LudusTraining.State.OFFLINE, "it looks for nobody")
+
+
+func test_the_node_follows_what_the_trainer_tells() -> void:
+	var training := _training()
+	add(training)
+	equal(training.connect("state_changed", self, "_note"), OK, "connect")
+	training.take_in(_status("standby"))
+	training.take_in(_status("standby"))
+	training.take_in(_status("training", "began"))
+	training.take_in(_status("playing"))
+	var states := [
+		LudusTraining.State.STANDBY, LudusTraining.State.TRAINING, LudusTraining.State.PLAYING
+	]
+	equal(_told, states, "every change once")
+	equal(training.message, "began", "an empty message leaves the last one")
+	equal(training.modes["hero"], LudusBridge.PolicyMode.FROZEN, "the mode of a policy")
+	training.take_leave("the lights went out")
+	equal(training.state, LudusTraining.State.OFFLINE, "the trainer has gone")
+	equal(training.message, "the lights went out", "why")
+	equal(LudusTraining.farewell(), "the lights went out", "for the next scene")
+	training.take_leave("")
+	equal(LudusTraining.farewell(), "", "and no longer")
+
+
+func test_a_status_with_nonsense_changes_nothing() -> void:
+	var training := _training()
+	add(training)
+	for nonsense in [{"policies": 3}, {"policies": {"hero": 3}}, {"message": 5, "state": []}, {}]:
+		training.take_in(nonsense)
+	equal(training.state, LudusTraining.State.OFFLINE, "the state")
+	equal(training.modes.size(), 0, "the modes")
+	equal(training.message, "", "the message")
+
+
+func test_what_is_refused_is_shown() -> void:
+	var training := _training()
+	add(training)
+	check(not training.start(), "nobody listens")
+	check("no trainer is connected" in training.message or "autoload" in training.message, "why")
+	var requests := LudusRequests.new()
+	requests.open(["requests", "guided"])
+	requests.policy_names = ["hero"]
+	check(not requests.set_mode("nobody", 0), "an unknown policy")
+	equal(requests.complaint, 'there is no policy "nobody"; the game has: hero', "why")
+
+
+func test_keys_are_input_actions() -> void:
+	for action in LudusTrainingKeys.KEYS:
+		if InputMap.has_action(action):
+			InputMap.erase_action(action)
+	LudusTrainingKeys.add_actions()
+	for action in LudusTrainingKeys.KEYS:
+		var keys: Array = LudusTrainingKeys.KEYS[action]
+		equal(InputMap.get_action_list(action).size(), keys.size(), action)
+	equal(LudusTrainingKeys.describe(ACTION), "3", "what people read")
+
+
+func test_a_project_may_choose_other_keys() -> void:
+	LudusTrainingKeys.add_actions()
+	InputMap.erase_action(ACTION)
+	InputMap.add_action(ACTION)
+	var event := InputEventKey.new()
+	event.scancode = KEY_T
+	InputMap.action_add_event(ACTION, event)
+	LudusTrainingKeys.add_actions()
+	equal(LudusTrainingKeys.describe(ACTION), "T", "the project's own key stays")
+	InputMap.erase_action(ACTION)
+	LudusTrainingKeys.add_actions()
+
+
+func test_keys_ask_the_trainer() -> void:
+	var training := _training()
+	training.has_keys = true
+	add(training)
+	for action in ["ludus_start", "ludus_stop", "ludus_play_round", "ludus_write_policies"]:
+		training.message = ""
+		_press(training, action)
+		check("autoload" in training.message or "is ignored" in training.message, action)
+	_press(training, "ludus_connect")
+	equal(training.state, LudusTraining.State.CONNECTING, "looks for a trainer")
+
+
+func test_the_overlay_tells_what_people_need() -> void:
+	var training := _training()
+	training.has_keys = true
+	add(training)
+	var overlay := LudusTrainingOverlay.new(training)
+	training.add_child(overlay)
+	training.take_in(_status("training", "saved a checkpoint"))
+	overlay._process(0.1)
+	var text := _text_of(overlay)
+	for part in [
+		"training", "update 12", "123.5k steps", "hero", "frozen", "return 2.50", "saved a"
+	]:
+		check(part in text, "%s in %s" % [part, text])
+	check("Enter stop" in text, "the keys: " + text)
+	check(overlay._panel.visible, "it is there")
+	overlay._unhandled_input(_event_of("ludus_overlay"))
+	check(not overlay._panel.visible, "a key hides it")
+
+
+func test_a_python_that_is_none_is_named() -> void:
+	ProjectSettings.set_setting(LudusTrainerProcess.PYTHON_SETTING, "/nowhere/python")
+	var process := LudusTrainerProcess.new()
+	check(not process.start(1, OS.get_user_data_dir(), OS.get_user_data_dir()), "it cannot start")
+	check("/nowhere/python" in process.error, process.error)
+	check("pip install" in process.error, "what to do: " + process.error)
+	ProjectSettings.set_setting(LudusTrainerProcess.PYTHON_SETTING, null)
+
+
+func test_fast_time_leaves_the_length_of_a_tick() -> void:
+	var ticks := Engine.iterations_per_second
+	var tick_s := Engine.time_scale / ticks
+	var sleep_us := OS.low_processor_usage_mode_sleep_usec
+	var pace := LudusPace.new()
+	pace._is_fixed = false
+	add(pace)
+	pace.is_fast = true
+	check(Engine.iterations_per_second > 10000, "more ticks than any machine can do")
+	check(is_equal_approx(Engine.time_scale / Engine.iterations_per_second, tick_s), "fast")
+	check(OS.low_processor_usage_mode_sleep_usec < 10, "it does not sleep")
+	pace.is_fast = false
+	equal(Engine.iterations_per_second, ticks, "as before")
+	equal(OS.low_processor_usage_mode_sleep_usec, sleep_us, "it sleeps as before")
+	LudusPace.watch_at(12)
+	equal(Engine.iterations_per_second, 12, "slow enough to be watched")
+	check(is_equal_approx(Engine.time_scale / Engine.iterations_per_second, tick_s), "slow")
+	LudusPace.watch_at(0)
+	equal(Engine.iterations_per_second, ticks, "and back")
+	equal(Engine.time_scale, 1.0, "the scale, too")
+
+
+func test_pictures_leave_ticks_most_of_the_time() -> void:
+	var pace := LudusPace.new()
+	pace._is_fixed = false
+	add(pace)
+	pace.is_fast = true
+	pace._physics_process(0.1)
+	pace._process(0.1)
+	check(not VisualServer.render_loop_enabled, "no picture after the first tick")
+	OS.delay_usec(int(LudusPace.MIN_TICKING_US))
+	pace._process(0.1)
+	check(VisualServer.render_loop_enabled, "a picture after enough of them")
+	OS.delay_msec(20)
+	pace._physics_process(0.1)
+	check(
+		pace.patience_ms() > 25,
+		"20 ms of drawing, of which a fifth counts: %d" % pace.patience_ms()
+	)
+	pace.is_fast = false
+	check(VisualServer.render_loop_enabled, "as before")
+
+
+func _note(state: int) -> void:
+	_told.append(state)
+
+
+func _training() -> LudusTraining:
+	var training := LudusTraining.new()
+	training.starts_by_itself = false
+	training.has_keys = false
+	return training
+
+
+func _press(training: LudusTraining, action: String) -> void:
+	for child in training.get_children():
+		if child is LudusTrainingKeys:
+			child._unhandled_input(_event_of(action))
+
+
+func _event_of(action: String) -> InputEventKey:
+	var event := InputEventKey.new()
+	event.scancode = LudusTrainingKeys.KEYS[action][0]
+	event.pressed = true
+	return event
+
+
+func _status(state: String, message: String = "") -> Dictionary:
+	return {
+		"state": state,
+		"message": message,
+		"agent_steps": 123456.0,
+		"updates": 12.0,
+		"policies": {"hero": {"mode": "frozen", "mean_return": 2.5}},
+	}
+
+
+func _text_of(node: Node) -> String:
+	var text: String = node.text + "\n" if node is Label else ""
+	for child in node.get_children():
+		text += _text_of(child)
+	return text
