@@ -9,14 +9,23 @@ GODOT_PROJECT := engines/godot4
 GODOT3_PROJECT := engines/godot3
 # The linters of Godot 3's GDScript are an older version of the same package.
 BIN3 := .venv/gdtoolkit3/bin
-GDSCRIPT3 := addons examples tests ../../tests/gymgodot
-GDSCRIPT := $(GODOT_PROJECT)/addons $(GODOT_PROJECT)/examples $(GODOT_PROJECT)/gallery $(GODOT_PROJECT)/tests src/ludus/bench src/ludus/train/export benchmarks tests/serve tests/classic
+GDSCRIPT3 := addons examples tests ../../tests/gymgodot ../../tests/godot_gym_api
+GDSCRIPT := $(GODOT_PROJECT)/addons $(GODOT_PROJECT)/examples $(GODOT_PROJECT)/gallery $(GODOT_PROJECT)/tests src/ludus/bench src/ludus/train/export src/ludus/record benchmarks tests/serve tests/classic
 
 # uv does not read pip's configuration; hand it the index that pip would use.
 PIP_INDEX = $(shell $(PYTHON) -m pip config get global.index-url 2>/dev/null || echo "$$PIP_INDEX_URL")
 UV_ENVIRONMENT = $(if $(strip $(PIP_INDEX)),UV_DEFAULT_INDEX=$(strip $(PIP_INDEX)))
 
-.PHONY: setup demo test lint bench clean
+BEVY_PROJECT := engines/bevy
+# What Cargo builds is kept from one checkout to the next.
+export CARGO_TARGET_DIR ?= $(if $(XDG_CACHE_HOME),$(XDG_CACHE_HOME),$(HOME)/.cache)/ludus/cargo
+# Rustup's toolchains lie beside its programs, even where HOME is another one.
+RUSTUP := $(wildcard $(dir $(shell command -v cargo))../../.rustup)
+ifneq ($(RUSTUP),)
+export RUSTUP_HOME ?= $(RUSTUP)
+endif
+
+.PHONY: setup demo test lint bench clean bevy-cargo bevy-lint bevy-test
 .DELETE_ON_ERROR:
 
 setup: .venv/.ready
@@ -47,8 +56,23 @@ lint: .venv/.ready .venv/gdtoolkit3/.ready
 	$(BIN)/gdformat --check $(GDSCRIPT)
 	cd $(GODOT3_PROJECT) && ../../$(BIN3)/gdlint $(GDSCRIPT3)
 	cd $(GODOT3_PROJECT) && ../../$(BIN3)/gdformat --check -l 100 $(GDSCRIPT3)
+	@$(MAKE) --no-print-directory bevy-lint
 
-test: setup lint
+bevy-cargo:
+	@command -v cargo > /dev/null || \
+		{ echo "the Bevy crates need Cargo: install Rust 1.95 or newer from https://rustup.rs"; exit 1; }
+
+bevy-lint: bevy-cargo
+	cd $(BEVY_PROJECT) && cargo fmt --check
+	cd $(BEVY_PROJECT) && cargo clippy --locked --workspace --all-targets -- -D warnings
+	cd $(BEVY_PROJECT) && RUSTDOCFLAGS='-D warnings' cargo doc --locked --workspace --no-deps
+
+bevy-test: bevy-cargo
+	cd $(BEVY_PROJECT) && cargo test --locked --workspace
+
+test: setup lint bevy-test
+	@$(BIN)/ludus engine install godot4 --rendering
+	@$(BIN)/ludus engine install godot3 --rendering
 	$(BIN)/pytest
 
 bench: setup

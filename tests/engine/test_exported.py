@@ -61,3 +61,7 @@ def test_tiny_files(tmp_path: Path, size: int) -> None:
     program = tmp_path / "game"
     program.write_bytes(bytes(size))
     assert exported_with(program) is None
+
+
+def test_a_program_that_is_not_there(tmp_path: Path) -> None:
+    assert exported_with(tmp_path / "game") is None

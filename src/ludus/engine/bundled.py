@@ -13,6 +13,7 @@ from ludus.engine.locks import file_lock
 from ludus.errors import SetupError
 
 __all__ = [
+    "bevy_workspace",
     "bundled_root",
     "example_names",
     "find_example",
@@ -46,6 +47,13 @@ def bundled_root(kind: EngineKind = EngineKind.GODOT4) -> Path:
         f"{_in_wheel(kind)} and {_in_checkout(kind)})",
         hint="install Ludus again: pip install --force-reinstall ludus-rl",
     )
+
+
+def bevy_workspace() -> Path | None:
+    """Return the Cargo workspace of the Bevy examples, which may be read-only; None without one."""
+    package = _package_folder()
+    places = (package / "_bundled" / "bevy", package.parent.parent / "engines" / "bevy")
+    return next((place for place in places if (place / "Cargo.toml").is_file()), None)
 
 
 def example_names() -> list[str]:

@@ -22,11 +22,15 @@ def exported_with(program: Path) -> EngineKind | None:
     """Return the kind of Godot that ``program`` runs; None if it carries no data of Godot.
 
     The data (``.pck``) lies beside the program, in the resources of a macOS bundle, or at the end
-    of the program itself.
-
-    Raises:
-        OSError: The program cannot be read.
+    of the program itself. What cannot be read carries none: starting it tells why.
     """
+    try:
+        return _find_kind(program)
+    except OSError:
+        return None
+
+
+def _find_kind(program: Path) -> EngineKind | None:
     for pack in _packs(program):
         if pack.is_file():
             with pack.open("rb") as file:

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ludus.engine.bevy_game import bevy_command, is_bevy_game
+from ludus.engine.exported import exported_with
 from ludus.engine.find import InstalledEngine
 from ludus.engine.kinds import EngineKind
 from ludus.errors import SetupError
@@ -16,6 +18,8 @@ from ludus.errors import SetupError
 __all__ = ["GodotFlags", "LaunchConfig", "executable_command", "godot_command", "with_display"]
 
 DEFAULT_FIXED_FPS = 60
+_SCREEN = "xvfb-run"
+_UNSEEN = ("--no-window", "--disable-render-loop")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,8 +90,19 @@ def godot_command(
 
 
 def executable_command(program: Path, flags: GodotFlags) -> tuple[str, ...]:
-    """Build the command line of an exported Godot 4 game."""
-    return (str(program), *_engine_flags(EngineKind.GODOT4, flags), *_user_args(flags))
+    """Build the command line of an exported Godot game, or of one made with ``bevy_ludus``."""
+    if is_bevy_game(program):
+        return bevy_command(program, flags.user_args)
+    kind = exported_with(program) or EngineKind.GODOT4
+    arguments = (*_engine_flags(kind, flags), *_user_args(flags))
+    if kind is EngineKind.GODOT3 and flags.headless and sys.platform == "linux":
+        return _unseen((str(program), *_UNSEEN, *arguments))
+    return (str(program), *arguments)
+
+
+def _unseen(command: tuple[str, ...]) -> tuple[str, ...]:
+    """Give a game of Godot 3 a screen nobody sees; one made for servers runs without, too."""
+    return with_display(command) if shutil.which(_SCREEN) else command
 
 
 def _engine_flags(kind: EngineKind, flags: GodotFlags) -> tuple[str, ...]:
@@ -122,7 +137,7 @@ def with_display(command: tuple[str, ...]) -> tuple[str, ...]:
     has_screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if sys.platform != "linux" or has_screen:
         return command
-    runner = shutil.which("xvfb-run")
+    runner = shutil.which(_SCREEN)
     if runner is None:
         raise SetupError(
             "the game needs a screen to render, and there is none",

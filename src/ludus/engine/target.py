@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
+from ludus.engine.bevy_build import bevy_example_names, build_bevy_example, find_bevy_example
 from ludus.engine.bundled import example_names, find_example, runnable_bundled_root
 from ludus.engine.find import InstalledEngine, find_engine
 from ludus.engine.kinds import EngineKind
@@ -84,10 +85,10 @@ def resolve_target(
 
     Args:
         target: One of: the name of a bundled example (``godot3:cartpole`` is the one for
-            Godot 3); ``play``, to wait for a game that the
-            user starts in the editor; ``host:port`` of a game that listens there; the folder
-            of a Godot project; a ``.tscn``; an exported game. A bare word is an example: write
-            ``./cartpole`` for a folder of that name.
+            Godot 3, ``bevy:cartpole`` the one for Bevy, which is built); ``play``, to wait for
+            a game that the user starts in the editor; ``host:port`` of a game that listens there;
+            the folder of a Godot project; a ``.tscn``; an exported game or a Bevy executable. A
+            bare word is an example: write ``./cartpole`` for a folder of that name.
         scene: Scene to run instead of the main scene; for projects and examples only.
         godot: Engine executable to use instead of looking for one.
 
@@ -103,6 +104,14 @@ def resolve_target(
     example = find_example(text)
     if example is not None:
         return _example(*example, scene, engine)
+    bevy_example = find_bevy_example(text)
+    if bevy_example is not None:
+        _refuse_scene(scene, text)
+        return Target(
+            kind=TargetKind.EXECUTABLE,
+            name=bevy_example,
+            executable=build_bevy_example(bevy_example),
+        )
     path = Path(target).expanduser()
     if path.exists():
         return _on_disk(path, scene, engine)
@@ -182,7 +191,7 @@ def _refuse_scene(scene: str | Path | None, target: str) -> None:
 
 
 def _unknown(text: str) -> TargetError:
-    names = example_names()
+    names = [*example_names(), *bevy_example_names()]
     close = difflib.get_close_matches(text, [*names, PLAY], n=3)
     message = f"there is no example, file or folder called {text!r}"
     if close:

@@ -1,0 +1,92 @@
+//! What the command line tells the plugin (PROTOCOL.md §10).
+
+use super::{Address, LinkError};
+use std::path::Path;
+
+/// Where the trainer is, and how it is known.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct CommandLine {
+    /// Addresses to connect to, in order.
+    pub connect_to: Vec<Address>,
+    /// Address to listen at.
+    pub listen_at: Option<Address>,
+    /// Secret shared with a trainer on another machine.
+    pub token: String,
+    /// Process that must stay alive.
+    pub parent_pid: Option<u32>,
+    /// Whether the game is only asked what it is.
+    pub is_asked: bool,
+}
+
+impl CommandLine {
+    /// Reads arguments; those that are not for Ludus are passed over.
+    ///
+    /// # Errors
+    /// An address is none, or the file with the token cannot be read.
+    pub fn read(arguments: impl Iterator<Item = String>) -> Result<Self, LinkError> {
+        let mut read = Self::default();
+        for argument in arguments {
+            let (name, value) = argument.split_once('=').unwrap_or((&argument, ""));
+            match name {
+                "--ludus-about" => read.is_asked = true,
+                "--ludus-connect" => read.connect_to = addresses(value)?,
+                "--ludus-listen" => read.listen_at = Some(value.parse()?),
+                "--ludus-token-file" => read.token = token(Path::new(value))?,
+                "--ludus-parent" => read.parent_pid = value.parse().ok(),
+                _ => {}
+            }
+        }
+        Ok(read)
+    }
+
+    /// Returns whether the game was started by or for a trainer.
+    #[must_use]
+    pub fn has_trainer(&self) -> bool {
+        !self.connect_to.is_empty() || self.listen_at.is_some()
+    }
+}
+
+fn addresses(value: &str) -> Result<Vec<Address>, LinkError> {
+    let parts = value.split(',').filter(|part| !part.is_empty());
+    parts.map(|part| Ok(part.parse()?)).collect()
+}
+
+fn token(path: &Path) -> Result<String, LinkError> {
+    let text = std::fs::read_to_string(path).map_err(|error| LinkError::TokenFile {
+        path: path.to_owned(),
+        reason: error.to_string(),
+    })?;
+    Ok(text.trim().to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(arguments: &[&str]) -> Result<CommandLine, LinkError> {
+        CommandLine::read(arguments.iter().map(ToString::to_string))
+    }
+
+    #[test]
+    fn arguments_of_others_are_passed_over() {
+        let arguments = [
+            "--headless",
+            "--",
+            "--ludus-connect=unix:/a,tcp:[::1]:7",
+            "--x=y",
+        ];
+        let read = read(&arguments).unwrap();
+        let names: Vec<_> = read.connect_to.iter().map(ToString::to_string).collect();
+        assert_eq!(names, ["unix:/a", "tcp:[::1]:7"]);
+        assert!(read.has_trainer());
+    }
+
+    #[test]
+    fn mistakes_are_told() {
+        assert!(!read(&["--verbose"]).unwrap().has_trainer());
+        let error = read(&["--ludus-listen=nowhere"]).unwrap_err();
+        assert!(error.to_string().contains("tcp:HOST:PORT"), "{error}");
+        let error = read(&["--ludus-token-file=/no/such/file"]).unwrap_err();
+        assert!(error.to_string().contains("/no/such/file"), "{error}");
+    }
+}

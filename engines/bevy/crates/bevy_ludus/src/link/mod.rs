@@ -1,0 +1,253 @@
+//! The connection to a trainer: TCP or a Unix socket, blocking, every wait with a deadline.
+
+mod address;
+mod command_line;
+mod greeting;
+mod stream;
+mod tcp_plugin;
+
+pub use address::{Address, AddressError};
+pub use command_line::CommandLine;
+pub use tcp_plugin::{LudusTcpPlugin, is_trained};
+
+pub(crate) use greeting::greet;
+pub(crate) use tcp_plugin::PendingLink;
+
+use crate::wire::{EngineConfig, FrameType, HEADER_BYTES, MAX_SPIN_US, WireError, decode_header};
+use std::io::{self, ErrorKind};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+use stream::Stream;
+use thiserror::Error;
+
+/// How long the trainer may take to answer the greeting, and a listening game waits for one.
+const START_TIMEOUT: Duration = Duration::from_secs(60);
+/// How long the rest of a frame that has begun may take.
+const FRAME_TIMEOUT: Duration = Duration::from_secs(30);
+const WATCH_INTERVAL: Duration = Duration::from_millis(200);
+const FIRST_BUFFER_BYTES: usize = 1 << 16;
+
+/// Why a connection has ended.
+#[derive(Debug, Error)]
+pub enum LinkError {
+    /// The trainer has closed the connection.
+    #[error("the trainer closed the connection")]
+    Closed,
+    /// A deadline has passed.
+    #[error("the trainer was silent for {} s", .0.as_secs())]
+    TimedOut(Duration),
+    /// The system reports an error.
+    #[error("the connection failed: {0}")]
+    Io(#[from] io::Error),
+    /// A header breaks the protocol.
+    #[error("{0}")]
+    Wire(#[from] WireError),
+    /// No trainer answers.
+    #[error("no trainer answers at {0}")]
+    NoTrainer(String),
+    /// The command line or the plugin names an address that is none.
+    #[error("{0}")]
+    Address(#[from] AddressError),
+    /// A file with a token cannot be read.
+    #[error("the token file {path} cannot be read: {reason}")]
+    TokenFile {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        reason: String,
+    },
+}
+
+/// A connection that carries whole frames.
+#[derive(Debug)]
+pub struct Link {
+    stream: Stream,
+    input: Vec<u8>,
+    /// Bytes of `input` that have come.
+    filled: usize,
+    /// Length of the frame that was received last.
+    frame_bytes: usize,
+    idle_timeout: Duration,
+    spin: Duration,
+    /// Whether the other side is on this machine.
+    pub is_local: bool,
+}
+
+/// Connects as the command line says, or listens.
+///
+/// # Errors
+/// An address is none, no trainer answers, or none comes within 60 seconds.
+pub fn connect(command_line: &CommandLine) -> Result<Link, LinkError> {
+    if let Some(address) = &command_line.listen_at {
+        return listen(address);
+    }
+    for address in &command_line.connect_to {
+        if let Ok(stream) = Stream::connect(address, START_TIMEOUT) {
+            return Ok(Link::new(stream, address.is_local()));
+        }
+    }
+    let tried: Vec<_> = command_line
+        .connect_to
+        .iter()
+        .map(ToString::to_string)
+        .collect();
+    Err(LinkError::NoTrainer(tried.join(", ")))
+}
+
+fn listen(address: &Address) -> Result<Link, LinkError> {
+    let stream = Stream::accept(address, START_TIMEOUT).map_err(|error| match error.kind() {
+        ErrorKind::TimedOut => LinkError::TimedOut(START_TIMEOUT),
+        _ => LinkError::Io(error),
+    })?;
+    Ok(Link::new(stream, address.is_local()))
+}
+
+impl Link {
+    fn new(stream: Stream, is_local: bool) -> Self {
+        Self {
+            stream,
+            input: vec![0; FIRST_BUFFER_BYTES],
+            filled: 0,
+            frame_bytes: 0,
+            idle_timeout: START_TIMEOUT,
+            spin: Duration::ZERO,
+            is_local,
+        }
+    }
+
+    /// Takes the trainer's deadlines.
+    pub(crate) fn set_pace(&mut self, config: &EngineConfig) {
+        self.idle_timeout = Duration::from_secs(config.idle_timeout_s.max(1));
+        self.spin = Duration::from_micros(config.spin_us.min(MAX_SPIN_US));
+    }
+
+    /// Returns a second hand on the connection, to send a last word with.
+    pub(crate) fn try_clone(&self) -> Result<Self, LinkError> {
+        Ok(Self::new(self.stream.try_clone()?, self.is_local))
+    }
+
+    /// Ends this process when the one that started it is gone, where the system shows processes as
+    /// files.
+    pub(crate) fn watch_parent(&self, parent_pid: Option<u32>) {
+        let Some(pid) = parent_pid else { return };
+        let path = PathBuf::from(format!("/proc/{pid}"));
+        if path.exists() {
+            std::thread::spawn(move || {
+                while path.exists() {
+                    std::thread::sleep(WATCH_INTERVAL);
+                }
+                std::process::exit(1);
+            });
+        }
+    }
+
+    /// Sends a whole frame.
+    ///
+    /// # Errors
+    /// The connection has ended, or the trainer does not take the frame within 30 seconds.
+    pub fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        self.stream
+            .write_all(frame, FRAME_TIMEOUT)
+            .map_err(|error| match error.kind() {
+                ErrorKind::WouldBlock | ErrorKind::TimedOut => LinkError::TimedOut(FRAME_TIMEOUT),
+                ErrorKind::BrokenPipe | ErrorKind::ConnectionReset => LinkError::Closed,
+                _ => LinkError::Io(error),
+            })
+    }
+
+    /// Waits for a frame and returns its type; its bytes are in [`Link::payload`].
+    ///
+    /// # Errors
+    /// The connection has ended, a deadline has passed, or a header breaks the protocol.
+    pub fn receive(&mut self) -> Result<FrameType, LinkError> {
+        self.input.copy_within(self.frame_bytes..self.filled, 0);
+        self.filled -= self.frame_bytes;
+        self.frame_bytes = 0;
+        if self.filled == 0 {
+            self.spin_for_data()?;
+        }
+        while self.filled == 0 {
+            self.read_some(self.idle_timeout, self.idle_timeout)?;
+        }
+        let began = Instant::now();
+        self.fill(HEADER_BYTES, began)?;
+        let mut header = [0; HEADER_BYTES];
+        header.copy_from_slice(&self.input[..HEADER_BYTES]);
+        let (kind, num_bytes) = decode_header(header)?;
+        let end = HEADER_BYTES + num_bytes;
+        if self.input.len() < end {
+            self.input.resize(end, 0);
+        }
+        self.fill(end, began)?;
+        self.frame_bytes = end;
+        Ok(kind)
+    }
+
+    /// Returns the payload of the frame that was received last.
+    #[must_use]
+    pub fn payload(&self) -> &[u8] {
+        self.input
+            .get(HEADER_BYTES..self.frame_bytes)
+            .unwrap_or_default()
+    }
+
+    /// Looks for data again and again for a while. Waking up costs tens of microseconds, where a
+    /// core is free for looking.
+    fn spin_for_data(&mut self) -> Result<(), LinkError> {
+        if self.spin.is_zero() {
+            return Ok(());
+        }
+        let end = Instant::now() + self.spin;
+        self.stream.set_nonblocking(true)?;
+        let mut result = Err(ErrorKind::WouldBlock.into());
+        while Instant::now() < end && is_empty_handed(&result) {
+            result = self.stream.read(&mut self.input);
+        }
+        self.stream.set_nonblocking(false)?;
+        match result {
+            Ok(0) => Err(LinkError::Closed),
+            Ok(count) => {
+                self.filled = count;
+                Ok(())
+            }
+            Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(()),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Reads until so many bytes have come.
+    fn fill(&mut self, num_bytes: usize, began: Instant) -> Result<(), LinkError> {
+        while self.filled < num_bytes {
+            let left = FRAME_TIMEOUT.saturating_sub(began.elapsed());
+            self.read_some(left, FRAME_TIMEOUT)?;
+        }
+        Ok(())
+    }
+
+    /// Waits for some bytes. `whole` is the deadline that is told if it passes.
+    fn read_some(&mut self, left: Duration, whole: Duration) -> Result<(), LinkError> {
+        if left.is_zero() {
+            return Err(LinkError::TimedOut(whole));
+        }
+        self.stream.set_read_timeout(left)?;
+        match self.stream.read(&mut self.input[self.filled..]) {
+            Ok(0) => Err(LinkError::Closed),
+            Ok(count) => {
+                self.filled += count;
+                Ok(())
+            }
+            Err(error) => match error.kind() {
+                ErrorKind::WouldBlock | ErrorKind::TimedOut => Err(LinkError::TimedOut(whole)),
+                ErrorKind::Interrupted => Ok(()),
+                ErrorKind::ConnectionReset => Err(LinkError::Closed),
+                _ => Err(error.into()),
+            },
+        }
+    }
+}
+
+fn is_empty_handed(result: &io::Result<usize>) -> bool {
+    result
+        .as_ref()
+        .is_err_and(|error| error.kind() == ErrorKind::WouldBlock)
+}

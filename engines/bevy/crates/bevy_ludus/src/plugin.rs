@@ -1,0 +1,260 @@
+//! The plugin, and what it adds to `App`.
+
+use crate::advance::{apply_actions, begin_next, judge, observe};
+use crate::exchange::exchange;
+use crate::isolated::IsolatedWorlds;
+use crate::methods::{Arguments, MethodResult, Methods};
+use crate::play::{Play, tick};
+use crate::policy::{Policies, Policy, PolicyEntry};
+use crate::requests::{Requests, TrainingStatus};
+use crate::schedules::{Act, ControlState, Exchange, Judge, Observe, Reset};
+use crate::stage::{Settings, Stage};
+use crate::systems::{
+    ReadActions, WriteRows, note_leaver, note_newcomer, read_actions, write_masks,
+    write_observations,
+};
+use crate::wire::{EpisodeMode, WorldLayout};
+use crate::{components, space};
+use bevy_app::prelude::*;
+use bevy_app::{RunFixedMainLoop, RunFixedMainLoopSystems, SubApp};
+use bevy_ecs::prelude::*;
+use bevy_ecs::schedule::{ScheduleLabel, Schedules, SingleThreadedExecutor};
+use bevy_state::app::{AppExtStates, StatesPlugin};
+use bevy_tasks::ComputeTaskPool;
+use bevy_time::{TimePlugin, TimeSystems};
+use std::sync::Arc;
+
+/// Steps the app in lock-step with a trainer.
+///
+/// Add it after Bevy's own plugins. The transport is another plugin,
+/// [`LudusTcpPlugin`](crate::LudusTcpPlugin); without it, or without a trainer, one world plays on
+/// its own.
+///
+/// ```
+/// # use bevy_app::prelude::*;
+/// # use bevy_ludus::prelude::*;
+/// App::new().add_plugins(LudusPlugin::default().name("my game").ticks_per_step(4));
+/// ```
+#[derive(Clone)]
+pub struct LudusPlugin {
+    settings: Settings,
+    layout: WorldLayout,
+    isolated_by: Option<IsolatedBy>,
+}
+
+/// Fills the app of one isolated world.
+pub(crate) type IsolatedBy = Arc<dyn Fn(&mut App) + Send + Sync>;
+
+impl Default for LudusPlugin {
+    fn default() -> Self {
+        let settings = Settings {
+            name: String::new(),
+            ticks_per_step: 1,
+            episode: EpisodeMode::Agent,
+            is_isolated: false,
+        };
+        Self {
+            settings,
+            layout: WorldLayout::Grid,
+            isolated_by: None,
+        }
+    }
+}
+
+impl LudusPlugin {
+    /// Names the game, for people.
+    #[must_use]
+    pub fn name(mut self, name: impl Into<String>) -> Self {
+        self.settings.name = name.into();
+        self
+    }
+
+    /// Sets how often the fixed schedule runs per decision; at least 1.
+    #[must_use]
+    pub fn ticks_per_step(mut self, ticks: u32) -> Self {
+        self.settings.ticks_per_step = ticks.max(1);
+        self
+    }
+
+    /// Sets when episodes end: each agent's by itself, or those of a world together.
+    #[must_use]
+    pub fn episode(mut self, mode: EpisodeMode) -> Self {
+        self.settings.episode = mode;
+        self
+    }
+
+    /// Says how to make an app for a single world, and with it makes the isolated layout the game's
+    /// own: for games that keep their state in resources.
+    ///
+    /// The function adds everything that the game needs, but neither this plugin nor a transport.
+    /// Worlds are stepped in parallel, each on one thread.
+    #[must_use]
+    pub fn isolated_by(mut self, fill: impl Fn(&mut App) + Send + Sync + 'static) -> Self {
+        self.isolated_by = Some(Arc::new(fill));
+        self.layout = WorldLayout::Isolated;
+        self
+    }
+
+    /// Sets the layout that the game takes if the trainer does not ask for one.
+    #[must_use]
+    pub fn layout(mut self, layout: WorldLayout) -> Self {
+        self.layout = layout;
+        self
+    }
+}
+
+impl Plugin for LudusPlugin {
+    fn build(&self, app: &mut App) {
+        build_core(app, &self.settings);
+        app.insert_resource(IsolatedWorlds::new(self.layout, self.isolated_by.clone()))
+            .add_systems(First, exchange.in_set(Exchange).before(TimeSystems))
+            .add_systems(FixedFirst, tick.run_if(resource_exists::<Play>));
+    }
+
+    fn finish(&self, app: &mut App) {
+        // A trainer gives each engine one core. There, threads would only take turns.
+        if ComputeTaskPool::try_get().is_none_or(|pool| pool.thread_num() <= 1) {
+            run_on_one_thread(app.main_mut());
+        }
+    }
+}
+
+/// Lets all schedules of an app run on the thread that runs the app.
+pub(crate) fn run_on_one_thread(app: &mut SubApp) {
+    for (_, schedule) in app.world_mut().resource_mut::<Schedules>().iter_mut() {
+        schedule.set_executor(SingleThreadedExecutor::new());
+    }
+}
+
+/// Adds what every app needs that holds worlds.
+pub(crate) fn build_core(app: &mut App, settings: &Settings) {
+    add_missing(app);
+    app.insert_resource(settings.clone())
+        .init_resource::<Policies>()
+        .init_resource::<Methods>()
+        .init_resource::<Requests>()
+        .init_state::<ControlState>()
+        .add_message::<TrainingStatus>()
+        .add_observer(note_newcomer)
+        .add_observer(note_leaver);
+    // One system, seldom two: threads would cost more than they save. Users may change it.
+    make_single(app, Act);
+    make_single(app, Judge);
+    make_single(app, Observe);
+    make_single(app, Reset);
+    make_single(app, ReadActions);
+    make_single(app, WriteRows);
+    app.add_systems(WriteRows, write_masks.run_if(has_masks));
+    add_steps(app);
+}
+
+fn add_steps(app: &mut App) {
+    let before = apply_actions
+        .in_set(Act)
+        .in_set(RunFixedMainLoopSystems::BeforeFixedMainLoop);
+    let after = (
+        judge.in_set(Judge),
+        observe.in_set(Observe),
+        begin_next.in_set(Reset),
+    )
+        .chain()
+        .in_set(RunFixedMainLoopSystems::AfterFixedMainLoop);
+    app.add_systems(
+        RunFixedMainLoop,
+        (before.run_if(is_stepping), after.run_if(is_stepping)),
+    )
+    .add_systems(FixedFirst, count_tick.run_if(resource_exists::<Stage>));
+}
+
+fn add_missing(app: &mut App) {
+    if !app.is_plugin_added::<TaskPoolPlugin>() {
+        app.add_plugins(TaskPoolPlugin::default());
+    }
+    if !app.is_plugin_added::<TimePlugin>() {
+        app.add_plugins(TimePlugin);
+    }
+    if !app.is_plugin_added::<StatesPlugin>() {
+        app.add_plugins(StatesPlugin);
+    }
+}
+
+fn make_single(app: &mut App, label: impl ScheduleLabel) {
+    app.edit_schedule(label, |schedule| {
+        schedule.set_executor(SingleThreadedExecutor::new());
+    });
+}
+
+fn is_stepping(stage: Option<Res<Stage>>) -> bool {
+    stage.is_some_and(|stage| stage.is_stepping)
+}
+
+fn has_masks(policies: Res<Policies>) -> bool {
+    policies
+        .entries
+        .iter()
+        .any(|entry| entry.policy.has_action_mask)
+}
+
+fn count_tick(mut stage: ResMut<Stage>) {
+    stage.num_ticks += 1;
+}
+
+/// What Ludus adds to `App`.
+pub trait LudusApp {
+    /// Adds a policy whose agents see an `O` and decide an `A`. Policies come in the order in which
+    /// they were added; a second one of the same name takes the place of the first.
+    fn add_policy<O: space::Observe, A: space::Act>(&mut self, policy: Policy) -> &mut Self;
+
+    /// Lets the trainer call a method of the game, on a world or on an agent.
+    fn add_ludus_method<M>(
+        &mut self,
+        name: impl Into<String>,
+        system: impl IntoSystem<In<Arguments>, MethodResult, M> + 'static,
+    ) -> &mut Self;
+}
+
+impl LudusApp for App {
+    fn add_policy<O: space::Observe, A: space::Act>(&mut self, policy: Policy) -> &mut Self {
+        let entry = PolicyEntry::new::<O, A>(policy);
+        let mut policies = self.world_mut().get_resource_or_init::<Policies>();
+        match policies.find(&entry.policy.name) {
+            Some(index) => policies.entries[index] = entry,
+            None => policies.entries.push(entry),
+        }
+        let is_new = |world: &mut World, marker| world.get_resource_or_init::<Seen>().add(marker);
+        if is_new(
+            self.world_mut(),
+            std::any::TypeId::of::<components::Action<A>>(),
+        ) {
+            self.add_systems(ReadActions, read_actions::<A>);
+        }
+        if is_new(
+            self.world_mut(),
+            std::any::TypeId::of::<components::Observation<O>>(),
+        ) {
+            self.add_systems(WriteRows, write_observations::<O>);
+        }
+        self
+    }
+
+    fn add_ludus_method<M>(
+        &mut self,
+        name: impl Into<String>,
+        system: impl IntoSystem<In<Arguments>, MethodResult, M> + 'static,
+    ) -> &mut Self {
+        let id = self.world_mut().register_system(system);
+        let mut methods = self.world_mut().get_resource_or_init::<Methods>();
+        methods.systems.insert(name.into(), id);
+        self
+    }
+}
+
+/// Types whose systems were added already.
+#[derive(Resource, Default)]
+struct Seen(std::collections::HashSet<std::any::TypeId>);
+
+impl Seen {
+    fn add(&mut self, marker: std::any::TypeId) -> bool {
+        self.0.insert(marker)
+    }
+}

@@ -1,0 +1,8 @@
+//! A small game on the real plugin, driven over a real socket.
+
+mod control;
+mod game;
+mod membership;
+mod refusals;
+mod stepping;
+mod trainer;

@@ -1,0 +1,53 @@
+"""The real executable of the Bevy example, built by Cargo when the first test asks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from ludus.engine import resolve_target
+from ludus.session import EngineSession, LaunchOptions, open_session
+from ludus.wire.handshake import EngineConfig
+
+TARGET = "bevy:cartpole"
+
+Open = Callable[..., EngineSession]
+
+
+@pytest.fixture(scope="session")
+def executable() -> Path:
+    """The example, built; a machine without Cargo fails these tests."""
+    target = resolve_target(TARGET)
+    assert target.executable is not None
+    return target.executable
+
+
+@pytest.fixture
+def open_game(executable: Path) -> Iterator[Open]:
+    """Opens sessions with the example; no process may be left behind."""
+    sessions: list[EngineSession] = []
+
+    def open_one(step_timeout_s: float = 20.0, **config: object) -> EngineSession:
+        options = LaunchOptions(start_timeout_s=20.0, step_timeout_s=step_timeout_s)
+        settings = EngineConfig(**config)  # pyright: ignore[reportArgumentType]
+        session = open_session(resolve_target(executable), settings, options)
+        sessions.append(session)
+        return session
+
+    yield open_one
+    for session in sessions:
+        session.close()
+    assert processes(executable) == []
+
+
+def processes(executable: Path) -> list[int]:
+    """Return the ids of all processes that run an executable."""
+    return [
+        process.pid
+        for process in psutil.process_iter(["cmdline", "status"])
+        if (process.info["cmdline"] or [""])[0] == str(executable)
+        and process.info["status"] != "zombie"
+    ]
