@@ -137,7 +137,9 @@ func _draw_shot() -> void:
 		return
 	var share := _shot_left_s / FLASH_S
 	var soldier := _game.soldier
-	var muzzle := soldier.place + Vector2.from_angle(soldier.rotation) * Fighter.RADIUS * 1.5
+	# The soldier has turned and walked since.
+	var way := soldier.shot_start.direction_to(soldier.shot_end)
+	var muzzle := soldier.shot_start + way * Fighter.RADIUS * 1.5
 	var width := 2.0 * Soldier.SHOT_RADIUS
 	draw_line(muzzle, soldier.shot_end, Color(SHOT_COLOR, 0.3 * share), width, true)
 	draw_line(muzzle, soldier.shot_end, Color(SHOT_COLOR, share), 2.5, true)

@@ -22,8 +22,9 @@ var num_shots: int = NUM_SHOTS
 ## Steps until it can shoot again, and until it has reloaded.
 var fire_delay: int = 0
 var reload_delay: int = 0
-## Whether it shot in this step, and where the shot ended.
+## Whether it shot in this step, and where the shot began and ended.
 var has_shot: bool = false
+var shot_start := Vector2.ZERO
 var shot_end := Vector2.ZERO
 
 
@@ -85,5 +86,6 @@ func _shoot(map: Map, enemies: Array[Fighter]) -> Fighter:
 		if enemy.is_alive() and entry < share:
 			share = entry
 			hit = enemy
+	shot_start = place
 	shot_end = place + way * share
 	return hit
