@@ -337,6 +337,10 @@ def test_commands_of_both_godots(tmp_path: Path) -> None:
         str(server), "--fixed-fps", "60"
     )  # fmt: skip
     assert godot_command(godot3, game, None, windowed)[0] == str(window)
+    editor = InstalledEngine(EngineKind.GODOT3, tmp_path / "godot3", (3, 6), "3.6", "test")
+    unseen = ("--no-window", "--disable-render-loop", "--fixed-fps", "60", *end)
+    assert godot_command(editor, game, "res://a.tscn", flags)[-len(unseen) :] == unseen
+    assert "--no-window" not in godot_command(editor, game, None, windowed)
     assert executable_command(server, flags) == (
         str(server), "--headless", "--fixed-fps", "60", "--", "--ludus-a"
     )  # fmt: skip

@@ -53,6 +53,12 @@ class InstalledEngine:
         """Return the executable to start."""
         return self.path if headless or self.window_path is None else self.window_path
 
+    @property
+    def opens_window(self) -> bool:
+        """Whether it opens a window in any case: a Godot 3 that is no build for servers."""
+        is_server = self.window_path is not None or "server" in self.path.name
+        return self.kind is EngineKind.GODOT3 and not is_server
+
 
 @dataclass
 class EngineSearch:

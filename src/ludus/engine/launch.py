@@ -19,7 +19,6 @@ __all__ = ["GodotFlags", "LaunchConfig", "executable_command", "godot_command", 
 
 DEFAULT_FIXED_FPS = 60
 _SCREEN = "xvfb-run"
-_UNSEEN = ("--no-window", "--disable-render-loop")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,13 +78,17 @@ def godot_command(
     """
     program = str(engine.executable(headless=flags.headless))
     scene_args = () if scene is None else (scene,)
-    return (
-        program,
+    arguments = (
         *_engine_flags(engine.kind, flags),
         "--path",
         str(project),
         *scene_args,
         *_user_args(flags),
+    )
+    return (
+        _unseen(program, arguments)
+        if flags.headless and engine.opens_window
+        else (program, *arguments)
     )
 
 
@@ -95,13 +98,17 @@ def executable_command(program: Path, flags: GodotFlags) -> tuple[str, ...]:
         return bevy_command(program, flags.user_args)
     kind = exported_with(program) or EngineKind.GODOT4
     arguments = (*_engine_flags(kind, flags), *_user_args(flags))
-    if kind is EngineKind.GODOT3 and flags.headless and sys.platform == "linux":
-        return _unseen((str(program), *_UNSEEN, *arguments))
+    if kind is EngineKind.GODOT3 and flags.headless:
+        return _unseen(str(program), arguments)
     return (str(program), *arguments)
 
 
-def _unseen(command: tuple[str, ...]) -> tuple[str, ...]:
-    """Give a game of Godot 3 a screen nobody sees; one made for servers runs without, too."""
+def _unseen(program: str, arguments: tuple[str, ...]) -> tuple[str, ...]:
+    """Run a Godot 3 that opens a window so that nobody sees it, and let it draw nothing."""
+    if sys.platform != "linux":  # there `_engine_flags` does it
+        return (program, *arguments)
+    command = (program, "--no-window", "--disable-render-loop", *arguments)
+    # A game exported for servers needs no screen, and does not tell.
     return with_display(command) if shutil.which(_SCREEN) else command
 
 
