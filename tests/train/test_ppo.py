@@ -13,7 +13,8 @@ from ludus.train.advantage import generalised_advantage
 from ludus.train.config import PPOConfig
 from ludus.train.learner import LearnerSettings
 from ludus.train.policy import Policy
-from ludus.train.ppo import PPO, approximate_kl, clipped_surrogate, value_loss
+from ludus.train.ppo import PPO
+from ludus.train.ppo_losses import approximate_kl, clipped_surrogate, value_loss
 from ludus.train.recurrence import run_memory
 
 

@@ -18,7 +18,8 @@ from ludus.train.config import SACConfig
 from ludus.train.learner import LearnerSettings
 from ludus.train.networks import Inputs
 from ludus.train.policy import Policy
-from ludus.train.sac import SAC, Minibatch, discrete_soft_value, squashed_log_prob
+from ludus.train.sac import SAC, Minibatch
+from ludus.train.sac_losses import discrete_soft_value, squashed_log_prob
 
 NUM_SLOTS = 6
 

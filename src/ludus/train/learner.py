@@ -6,15 +6,18 @@ that learn from a replay buffer look the same to it, and each policy of a run ma
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from torch import Tensor
 
 from ludus.batch import ActionBatch, Batch
+from ludus.errors import DivergenceError
 from ludus.train.policy import Policy
 
-__all__ = ["NUM_SAMPLES", "Learner", "LearnerSettings", "LearnerState"]
+__all__ = ["NUM_SAMPLES", "Learner", "LearnerSettings", "LearnerState", "refuse_divergence"]
 
 NUM_SAMPLES = 64
 """Recent observations that a state carries, for the parity test of exported policies."""
@@ -115,3 +118,18 @@ class Learner(Protocol):
             CheckpointError: It does not fit this policy.
         """
         ...
+
+
+def refuse_divergence(policy: str, metrics: Mapping[str, float]) -> None:
+    """Raise where learning has gone astray.
+
+    Raises:
+        DivergenceError: A metric is NaN or infinite.
+    """
+    wrong = [f"{name} is {value}" for name, value in metrics.items() if not math.isfinite(value)]
+    if wrong:
+        raise DivergenceError(
+            f"policy {policy}: {', '.join(wrong)}",
+            "look for huge rewards or observations (ludus check reports them), "
+            "or lower learning_rate",
+        )

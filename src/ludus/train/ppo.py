@@ -24,21 +24,21 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ludus.batch import ActionBatch, Batch
-from ludus.errors import DivergenceError
 from ludus.train.adam import Adam, learning_rate_at
 from ludus.train.advantage import generalised_advantage
 from ludus.train.device import mixed_precision
-from ludus.train.learner import NUM_SAMPLES, LearnerSettings, LearnerState
+from ludus.train.learner import NUM_SAMPLES, LearnerSettings, LearnerState, refuse_divergence
 from ludus.train.load_tensors import load_tensors
 from ludus.train.networks import Inputs, perceptron
 from ludus.train.normalise import RewardScaler
 from ludus.train.policy import Policy
 from ludus.train.policy_config import PPOConfig
+from ludus.train.ppo_losses import approximate_kl, clipped_surrogate, value_loss
 from ludus.train.recurrence import Sequences, cut_into_sequences, run_memory
 from ludus.train.rollout import Rollout
 from ludus.train.tensors import as_tensor, as_tensors, to_numbers
 
-__all__ = ["PPO", "Transitions", "clipped_surrogate", "value_loss"]
+__all__ = ["PPO", "Transitions"]
 
 ADAM_EPSILON = 1e-5
 LOSS_METRICS: tuple[str, ...] = (
@@ -254,7 +254,7 @@ class PPO:
                 yield
             means = to_numbers(torch.stack(steps).mean(0))
             losses = dict(zip(LOSS_METRICS, means, strict=True))
-            self._refuse_divergence(losses)
+            refuse_divergence(self.policy.spec.name, losses)
             num_epochs += 1
             if target_kl is not None and losses["approximate_kl"] > target_kl:
                 break
@@ -428,15 +428,6 @@ class PPO:
         chosen = is_active[:: max(1, len(is_active) // NUM_SAMPLES)][:NUM_SAMPLES]
         self._samples = {name: as_tensor(array[chosen]).clone() for name, array in flat.items()}
 
-    def _refuse_divergence(self, losses: dict[str, float]) -> None:
-        wrong = [f"{name} is {value}" for name, value in losses.items() if not math.isfinite(value)]
-        if wrong:
-            raise DivergenceError(
-                f"policy {self.policy.spec.name}: {', '.join(wrong)}",
-                "look for huge rewards or observations (ludus check reports them), "
-                "or lower learning_rate",
-            )
-
     # --- saving ---------------------------------------------------------------------------------
 
     def state(self) -> LearnerState:
@@ -470,27 +461,6 @@ class PPO:
         self._generator.set_state(state.tensors["generator"])
         self._losses = dict(state.values.get("losses", {}))
         self._has_noise = False
-
-
-def clipped_surrogate(log_ratio: Tensor, advantage: Tensor, clip_range: float) -> Tensor:
-    """Return ``L^CLIP``, equation 7: ``min(ratio * A, clip(ratio, 1 - eps, 1 + eps) * A)``."""
-    ratio = log_ratio.exp()
-    clipped = ratio.clamp(1.0 - clip_range, 1.0 + clip_range)
-    return torch.minimum(ratio * advantage, clipped * advantage)
-
-
-def value_loss(value: Tensor, target: Tensor, old: Tensor, clip_range: float | None) -> Tensor:
-    """Return half the mean squared error, with values optionally held near the ``old`` ones."""
-    loss = (value - target).square()
-    if clip_range is not None:
-        held = old + (value - old).clamp(-clip_range, clip_range)
-        loss = torch.maximum(loss, (held - target).square())
-    return 0.5 * loss.mean()
-
-
-def approximate_kl(log_ratio: Tensor) -> Tensor:
-    """Return the estimator k3 of Schulman, http://joschu.net/blog/kl-approx.html."""
-    return (log_ratio.expm1() - log_ratio).mean()
 
 
 def equal_parts(length: int, num_parts: int) -> list[slice]:

@@ -20,30 +20,29 @@ import torch
 from torch import Tensor, nn
 
 from ludus.batch import ActionBatch, Batch
-from ludus.errors import ConfigError, DivergenceError, SequenceError
+from ludus.errors import ConfigError, SequenceError
 from ludus.spec import PolicySpec
 from ludus.train.adam import Adam, as_one_vector, learning_rate_at
 from ludus.train.dense import Network, accelerate
 from ludus.train.device import mixed_precision
-from ludus.train.distributions import masked_log_softmax, tanh_log_det
-from ludus.train.learner import NUM_SAMPLES, LearnerSettings, LearnerState
+from ludus.train.distributions import masked_log_softmax
+from ludus.train.learner import NUM_SAMPLES, LearnerSettings, LearnerState, refuse_divergence
 from ludus.train.load_tensors import load_tensors
 from ludus.train.networks import Inputs
 from ludus.train.policy import Policy
 from ludus.train.policy_config import SACConfig
 from ludus.train.replay import LastState, Replay, Sample
+from ludus.train.sac_losses import (
+    critic_loss,
+    discrete_soft_value,
+    soft_value,
+    squashed_log_prob,
+    temperature_loss,
+)
 from ludus.train.tensors import as_tensor, as_tensors, to_numbers
 from ludus.train.twin_critic import TwinCritic
 
-__all__ = [
-    "SAC",
-    "Minibatch",
-    "critic_loss",
-    "discrete_soft_value",
-    "soft_value",
-    "squashed_log_prob",
-    "temperature_loss",
-]
+__all__ = ["SAC", "Minibatch"]
 
 ADAM_EPSILON = 1e-8
 MAX_STEPS_AT_ONCE = 8
@@ -262,7 +261,7 @@ class SAC:
         if self._num_summed:
             means = to_numbers(self._sums / self._num_summed)
             metrics = dict(zip(LOSS_METRICS, means, strict=True))
-            self._refuse_divergence(metrics)
+            refuse_divergence(self.policy.spec.name, metrics)
         metrics["learning_rate"] = self._learning_rate
         metrics["gradient_steps"] = float(self._num_gradient_steps)
         metrics["replay_size"] = float(self._replay.size)
@@ -388,17 +387,6 @@ class SAC:
             encoder.normaliser.update(vectors)
         self._num_unseen = 0
 
-    def _refuse_divergence(self, metrics: dict[str, float]) -> None:
-        wrong = [
-            f"{name} is {value}" for name, value in metrics.items() if not math.isfinite(value)
-        ]
-        if wrong:
-            raise DivergenceError(
-                f"policy {self.policy.spec.name}: {', '.join(wrong)}",
-                "look for huge rewards or observations (ludus check reports them), "
-                "or lower learning_rate",
-            )
-
     # --- saving ---------------------------------------------------------------------------------
 
     def state(self) -> LearnerState:
@@ -451,59 +439,6 @@ class SAC:
             "critic_optimiser": self._critic_optimiser,
             "temperature_optimiser": self._temperature_optimiser,
         }
-
-
-def squashed_log_prob(raw: Tensor, noise: Tensor, log_std: Tensor) -> Tensor:
-    """Return the log-density of ``tanh(raw)``, appendix C; ``raw`` is ``mean + noise * std``."""
-    squares = 0.5 * noise.square() + log_std + 0.5 * math.log(2 * math.pi)
-    return -squares.sum(-1) - tanh_log_det(raw)
-
-
-def soft_value(q: Tensor, log_prob: Tensor, temperature: Tensor) -> Tensor:
-    """Return ``Q - alpha log pi``, equation 3.
-
-    Args:
-        q: ``float32[n]``, of an action drawn from the policy; the smaller one of two critics.
-        log_prob: ``float32[n]``, of that action.
-        temperature: Alpha.
-    """
-    return q - temperature * log_prob
-
-
-def discrete_soft_value(q: Tensor, log_prob: Tensor, temperature: Tensor) -> tuple[Tensor, Tensor]:
-    """Return ``sum_a pi (Q - alpha log pi)``, Christodoulou's equation 10, and the entropy.
-
-    Args:
-        q: ``float32[n, a]``, of every action; the smaller one of two critics.
-        log_prob: ``float32[n, a]``.
-        temperature: Alpha.
-    """
-    probability = log_prob.exp()
-    entropy = -(probability * log_prob).sum(-1)
-    return (probability * q).sum(-1) + temperature * entropy, entropy
-
-
-def critic_loss(first: Tensor, second: Tensor, target: Tensor) -> Tensor:
-    """Return ``1/2 (Q - y)^2``, equation 5: mean over the batch, sum over both critics.
-
-    Args:
-        first: ``float32[n]``, what one critic says of the actions taken.
-        second: The same of the other.
-        target: ``float32[n]``, what both should say.
-    """
-    return 0.5 * ((first - target).square().mean() + (second - target).square().mean())
-
-
-def temperature_loss(log_temperature: Tensor, excess: Tensor) -> Tensor:
-    """Return ``log(alpha) (H - target)``, equation 18 with the logarithm in place of alpha.
-
-    The paper's authors, too, learn the logarithm so; it has the same root and never gets negative.
-
-    Args:
-        log_temperature: ``float32[1]``.
-        excess: ``float32[n]``, entropy of the policy above the target entropy.
-    """
-    return log_temperature.squeeze(0) * excess.mean()
 
 
 def check_action(spec: PolicySpec) -> None:
