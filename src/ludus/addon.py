@@ -33,6 +33,8 @@ __all__ = [
     "addon_status",
     "install_addon",
     "install_folder",
+    "read_project_file",
+    "write_project_file",
 ]
 
 ADDON_PATH = "addons/ludus"
@@ -131,7 +133,7 @@ def addon_status(project: Path) -> AddonStatus:
     return AddonStatus(
         version=files.version,
         is_present=bool(files.present),
-        is_enabled=PLUGIN in parse_config(_read_project_file(root)).strings(_ENABLED_KEY),
+        is_enabled=PLUGIN in parse_config(read_project_file(root)).strings(_ENABLED_KEY),
         is_current=all(files.present.get(name) == sha for name, sha in files.bundled.items()),
         changed=tuple(files.changed()),
     )
@@ -297,13 +299,14 @@ def _copy_file(source: Path, target: Path) -> None:
     shutil.copyfile(source, target)
 
 
-def _read_project_file(root: Path) -> str:
+def read_project_file(root: Path) -> str:
+    """Return ``project.godot``, with the line ends that it has."""
     with (root / PROJECT_FILE).open(encoding="utf-8", newline="") as file:
         return file.read()
 
 
 def _switch_on(root: Path) -> bool:
-    text = _read_project_file(root)
+    text = read_project_file(root)
     kind = read_project(root).engine_kind
     enabled = add_to_string_array(text, _ENABLED_KEY, PLUGIN, _ARRAY_TYPES[kind])
     enabled = add_string(enabled, _AUTOLOAD_KEY, f"*{BRIDGE}")
@@ -313,14 +316,23 @@ def _switch_on(root: Path) -> bool:
             enabled = add_script_classes(enabled, scripts)
     if enabled == text:
         return False
+    write_project_file(root, enabled)
+    return True
+
+
+def write_project_file(root: Path, text: str) -> None:
+    """Write ``project.godot`` as a whole, or leave the old one.
+
+    Raises:
+        OSError: It cannot be written.
+    """
     file = root / PROJECT_FILE
     temporary = file.with_name(f".{PROJECT_FILE}.{os.getpid()}")
     try:
-        shutil.copymode(file, _written(temporary, enabled))
+        shutil.copymode(file, _written(temporary, text))
         temporary.replace(file)
     finally:
         temporary.unlink(missing_ok=True)
-    return True
 
 
 def _written(path: Path, text: str) -> Path:

@@ -2,7 +2,8 @@
 
 In Godot 4 that is godot-ai: the files that declare its classes are put aside. Where each stood, a
 script of one line stands for it, so that scenes and scripts that name its path, or its UID, find
-it. In Godot 3 it is GymGodot (:mod:`ludus.gymgodot_addon`).
+it. In Godot 3 the same is done for GymGodot (:mod:`ludus.gymgodot_addon`) and godot_gym_api
+(:mod:`ludus.godot_gym_api_addon`).
 """
 
 from __future__ import annotations
@@ -14,7 +15,10 @@ from ludus.classic_files import ClassicChange, declared_classes, own_classes, pu
 from ludus.engine.kinds import EngineKind
 from ludus.engine.project import find_project
 from ludus.errors import ConfigError
-from ludus.gymgodot_addon import install_for_gymgodot
+from ludus.godot_gym_api_addon import KEPT_PATH as GODOT_GYM_API_KEPT_PATH
+from ludus.godot_gym_api_addon import godot_gym_api_stand_ins, list_own_classes
+from ludus.gymgodot_addon import KEPT_PATH as GYMGODOT_KEPT_PATH
+from ludus.gymgodot_addon import gymgodot_stand_ins, scenes_without_action
 
 __all__ = ["KEPT_PATH", "ClassicChange", "install_classic"]
 
@@ -46,7 +50,7 @@ def install_classic(project: Path, *, force: bool = False) -> ClassicChange:
     """
     found = find_project(project)
     if found.engine_kind is EngineKind.GODOT3:
-        return install_for_gymgodot(found.root, force=force)
+        return _install_in_godot3(found.root, force=force)
     return _install_for_godot_ai(found.root, force=force)
 
 
@@ -66,6 +70,18 @@ def _install_for_godot_ai(root: Path, *, force: bool) -> ClassicChange:
     kept = put_aside(root, stand_ins, KEPT_PATH)
     names = sorted(file.relative_to(root).as_posix() for file in theirs.values())
     return ClassicChange(addon, classic, tuple(names), kept)
+
+
+def _install_in_godot3(root: Path, *, force: bool) -> ClassicChange:
+    theirs = godot_gym_api_stand_ins(root)
+    classic = install_folder(root, CLASSIC_PATH, force=force)
+    addon = install_addon(root, force=force)
+    list_own_classes(root)
+    stand_ins = {**gymgodot_stand_ins(root), **theirs}
+    kept_path = GODOT_GYM_API_KEPT_PATH if theirs else GYMGODOT_KEPT_PATH
+    kept = put_aside(root, stand_ins, kept_path) if stand_ins else ""
+    names = tuple(sorted(file.relative_to(root).as_posix() for file in stand_ins))
+    return ClassicChange(addon, classic, names, kept, scenes_without_action(root))
 
 
 def _refuse_foreign_classes(root: Path, theirs: dict[str, Path]) -> None:

@@ -10,18 +10,10 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from ludus.addon import ADDON_PATH, CLASSIC_PATH, install_addon, install_folder
-from ludus.classic_files import (
-    ClassicChange,
-    declared_classes,
-    is_hidden,
-    own_classes,
-    put_aside,
-)
-from ludus.engine.kinds import EngineKind
-from ludus.errors import ConfigError
+from ludus.addon import ADDON_PATH, CLASSIC_PATH
+from ludus.classic_files import is_hidden
 
-__all__ = ["KEPT_PATH", "install_for_gymgodot"]
+__all__ = ["KEPT_PATH", "gymgodot_stand_ins", "scenes_without_action"]
 
 KEPT_PATH = "gymgodot.old"
 """Where replaced files are kept; Godot does not look into it."""
@@ -42,26 +34,15 @@ _SECTION = re.compile(r"^\[node [^\n]*\]$.*?(?=^\[|\Z)", re.MULTILINE | re.DOTAL
 _ACTION = re.compile(r"^(?:discrete_n|continuous_size|action) = ", re.MULTILINE)
 
 
-def install_for_gymgodot(root: Path, *, force: bool) -> ClassicChange:
-    """Install the add-on, with a node in the place of GymGodot's. Repeating it changes nothing.
+def gymgodot_stand_ins(root: Path) -> dict[Path, str]:
+    """Return what takes the place of GymGodot's own script, wherever the project has it."""
+    return dict.fromkeys(_scripts(root), _STAND_IN)
 
-    Args:
-        root: Folder of a Godot 3 project.
-        force: Overwrite files of the add-on that were changed by hand.
 
-    Raises:
-        ConfigError: Files of the add-on were changed by hand, or a class of the game has a name
-            that the add-on needs.
-        SetupError: The project cannot be written.
-    """
-    _refuse_foreign_classes(root)
-    classic = install_folder(root, CLASSIC_PATH, force=force)
-    addon = install_addon(root, force=force)
-    scripts = list(_scripts(root))
-    kept = put_aside(root, dict.fromkeys(scripts, _STAND_IN), KEPT_PATH) if scripts else ""
-    return ClassicChange(
-        addon, classic, _relative(root, scripts), kept, _relative(root, _without_action(root))
-    )
+def scenes_without_action(root: Path) -> tuple[str, ...]:
+    """List scenes with a node of GymGodot that does not say what an action is."""
+    found = (file.relative_to(root).as_posix() for file in _without_action(root))
+    return tuple(sorted(found))
 
 
 def _scripts(root: Path) -> Iterator[Path]:
@@ -86,18 +67,3 @@ def _without_action(root: Path) -> Iterator[Path]:
             for section in _SECTION.findall(text)
         ):
             yield file
-
-
-def _refuse_foreign_classes(root: Path) -> None:
-    ours = own_classes(EngineKind.GODOT3)
-    theirs = {name: file for name, file in declared_classes(root) if name in ours}
-    if theirs:
-        rows = "\n".join(f"  {name}: {file.relative_to(root)}" for name, file in theirs.items())
-        raise ConfigError(
-            f"the game has classes of these names, which the add-on brings, too:\n{rows}",
-            hint="if they are those of godot_gym_api, remove its folder; else rename them",
-        )
-
-
-def _relative(root: Path, files: Iterator[Path] | list[Path]) -> tuple[str, ...]:
-    return tuple(sorted(file.relative_to(root).as_posix() for file in files))

@@ -19,7 +19,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ludus.dialects.godot_gym_api import GodotClient
-from ludus.dialects.godot_gym_api.launching import free_port, target_command
+from ludus.dialects.godot_gym_api.ports import free_port
+from ludus.dialects.launching import project_command
 from ludus.engine import EngineProcess, LaunchConfig
 from tests.godot_gym_api.conftest import ALL
 
@@ -80,15 +81,19 @@ class Game:
 
 
 @pytest.fixture(scope="module")
-def game(project: Path) -> Iterator[Game]:
+def game(project: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Game]:
     port = free_port("127.0.0.1")
-    command = target_command(project, port, 60, is_windowed=False)
-    with EngineProcess.start(LaunchConfig(command=command)) as process:
+    command = project_command(project, (f"--ludus-port={port}",), 60, is_windowed=False)
+    log_path = tmp_path_factory.mktemp("hostile") / "log"
+    with EngineProcess.start(LaunchConfig(command=command, log_path=log_path)) as process:
         game = Game(("127.0.0.1", port), process)
         assert game.serves()
         yield game
         assert game.serves()
-        assert process.script_errors == []
+    # The game also quotes what it was sent, which may be these very words.
+    lines = log_path.read_text(errors="replace").splitlines()
+    failures = [i for i, line in enumerate(lines) if line.startswith("SCRIPT ERROR")]
+    assert [lines[i : i + 2] for i in failures] == []
 
 
 def frame(payload: bytes) -> bytes:
@@ -300,7 +305,7 @@ def test_an_answer_that_nobody_reads(game: Game) -> None:
 
 def test_ctrl_c_while_it_waits(game: Game, project: Path) -> None:
     port = free_port("127.0.0.1")
-    command = target_command(project, port, 60, is_windowed=False)
+    command = project_command(project, (f"--ludus-port={port}",), 60, is_windowed=False)
     with (
         EngineProcess.start(LaunchConfig(command=command)) as process,
         GodotClient(None, ("127.0.0.1", port), start_timeout_s=20.0) as client,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,16 +11,12 @@ from typing import Any, cast
 
 import pytest
 
-from ludus.engine.bundled import runnable_bundled_root
-from ludus.engine.kinds import EngineKind
-from ludus.engine.script_classes import ScriptClass, add_script_classes
-from tests.godot_gym_api.conftest import CLASSES, left_processes
-from tests.gymgodot.conftest import ROOT
+from tests.classic.originals import add_originals
+from tests.gymgodot.conftest import ROOT, left_processes
 
 pytestmark = pytest.mark.engine
 
 PAGE = (ROOT / "docs/godot_gym_api.md").read_text()
-ORIGINAL = "res://addons/reinforcement_learning"
 SCENE = """\
 [gd_scene load_steps=4 format=2]
 
@@ -74,40 +69,19 @@ def blocks(language: str) -> list[str]:
 
 @pytest.fixture(scope="module")
 def game(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The game of the page, with our scripts in the places of the original's."""
+    """The game of the page, in a project that had the original's scripts."""
     folder = tmp_path_factory.mktemp("page")
     for script in blocks("gdscript"):
         name, text = script.split("\n", 1)
         (folder / name.removeprefix("# ")).write_text(text)
     (folder / "environment.tscn").write_text(SCENE)
-    classic = runnable_bundled_root(EngineKind.GODOT3) / "addons/ludus_classic"
-    places = put_in_the_place_of_the_original(classic, folder / "addons/reinforcement_learning")
-    bases = {"RLAgent": "Spatial", "RLEnvWorld": "Spatial", "RLEnvironment": "Spatial"}
-    scripts = [
-        ScriptClass(name, bases.get(name, "Reference"), f"{ORIGINAL}/{places[name]}", "")
-        for name in CLASSES
-    ]
-    (folder / "project.godot").write_text(add_script_classes(PROJECT, scripts))
+    (folder / "project.godot").write_text(PROJECT)
+    add_originals(folder)
+    (command,) = re.findall(r"^ludus (addon install.*)$", PAGE, re.MULTILINE)
+    arguments = cast(str, command).replace("path/to/game", str(folder)).split()
+    subprocess.run([sys.executable, "-m", "ludus", *arguments], timeout=60, check=True)
+    assert (folder / "godot_gym_api.old").is_dir()
     return folder
-
-
-def put_in_the_place_of_the_original(classic: Path, addon: Path) -> dict[str, str]:
-    """Copy what the page says where it says; return the paths of named scripts."""
-    places: dict[str, str] = {}
-    (command,) = re.findall(r"```\n(cp ludus_classic.*?)```", PAGE, re.DOTALL)
-    for files, target in re.findall(
-        r"cp ([^/].*?) \S*game/addons/reinforcement_learning/(\S*)",
-        command.replace("\\\n", ""),
-        re.DOTALL,
-    ):
-        (addon / target).mkdir(parents=True, exist_ok=True)
-        for name in files.split():
-            copy = Path(shutil.copy(classic / Path(name).name, addon / target))
-            found = re.search(r"^class_name (\w+)", copy.read_text(), re.MULTILINE)
-            if found is not None:
-                places[found[1]] = f"{target}{copy.name}"
-    assert set(places) == set(CLASSES)
-    return places
 
 
 def test_the_environment(game: Path) -> None:
@@ -122,8 +96,20 @@ def test_the_environment(game: Path) -> None:
     assert left_processes() == []
 
 
+def test_many_games_and_the_trainer(
+    game: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    for code in blocks("python")[:3]:
+        exec(code.replace("path/to/game", str(game)).replace("10_000", "512"), names)
+    assert names["observations"]["place"].shape == (2, 1)
+    assert len(list((tmp_path / "runs").iterdir())) == 1
+    assert left_processes() == []
+
+
 def test_the_client(game: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    code = blocks("python")[1].replace("path/to/game", str(game))
+    code = blocks("python")[3].replace("path/to/game", str(game))
     exec(code, {})
     assert float(capsys.readouterr().out) == pytest.approx(2 / 60.0, abs=1e-4)
     assert left_processes() == []

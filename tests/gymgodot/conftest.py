@@ -20,6 +20,7 @@ from ludus.dialects.gymgodot.env import GymGodotEnv
 
 ROOT = Path(__file__).parents[2]
 ACTIONS = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
+_NO_GAMES = {"", "sh", "dash", "bash", "sleep"}
 OBSERVATIONS = gymnasium.spaces.Box(-np.inf, np.inf, (2,), np.float32)
 
 
@@ -68,6 +69,25 @@ def left_processes() -> list[str]:
     while (children := psutil.Process().children(recursive=True)) and time.monotonic() < deadline:
         time.sleep(0.02)
     return [str(child) for child in children]
+
+
+def running_game() -> psutil.Process:
+    """Return the process of the one game that runs."""
+    (game,) = running_games()
+    return game
+
+
+def running_games() -> list[psutil.Process]:
+    """Return the processes of games, without their shells and what ends them with us."""
+    children = psutil.Process().children(recursive=True)
+    return [process for process in children if _name(process) not in _NO_GAMES]
+
+
+def _name(process: psutil.Process) -> str:
+    try:
+        return process.name()
+    except psutil.NoSuchProcess:
+        return ""
 
 
 @pytest.fixture

@@ -11,7 +11,6 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-import psutil
 import pytest
 
 from ludus.dialects.gymgodot import making
@@ -25,7 +24,7 @@ from ludus.errors import (
     SequenceError,
     SetupError,
 )
-from tests.gymgodot.conftest import Opener, game_of, left_processes
+from tests.gymgodot.conftest import Opener, game_of, left_processes, running_game
 
 STEP = np.array([0.25], np.float32)
 
@@ -89,9 +88,7 @@ def test_a_game_that_dies(opener: Opener) -> None:
 def test_a_killed_game(opener: Opener) -> None:
     env = opener.fake("walk")
     env.reset()
-    (shell,) = psutil.Process().children()
-    (game,) = shell.children()
-    os.kill(game.pid, signal.SIGKILL)
+    os.kill(running_game().pid, signal.SIGKILL)
     with pytest.raises(EngineCrashed, match=r"closed the connection|Broken pipe|reset"):
         for _ in range(5):
             env.step(STEP)
@@ -105,10 +102,12 @@ def test_a_game_that_never_answers(opener: Opener, name: str) -> None:
     game = game_of(env).game
     game.reset()
     for _ in range(2):
-        game.step([0.25])
+        game.begin_step([0.25])
+        game.end_step()
     began = time.monotonic()
     with pytest.raises((EngineTimeout, ProtocolError), match=r"did not answer.*within 1 s|too lo"):
-        game.step([0.25])
+        game.begin_step([0.25])
+        game.end_step()
     assert time.monotonic() - began < 10.0
     assert left_processes() == []
 

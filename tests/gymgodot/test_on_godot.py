@@ -19,7 +19,7 @@ import pytest
 
 from ludus.engine import EngineKind, find_engine
 from ludus.errors import EngineCrashed, EngineError, EngineTimeout, GameError, LudusError
-from tests.gymgodot.conftest import ROOT, Opener, left_processes
+from tests.gymgodot.conftest import ROOT, Opener, left_processes, running_game
 
 pytestmark = pytest.mark.engine
 
@@ -67,7 +67,7 @@ def test_several_games_at_once(opener: Opener, command: str) -> None:
 def test_close_ends_the_game(opener: Opener, command: str) -> None:
     env = opened(opener, command)
     env.reset()
-    assert len(left_processes()) == 2
+    assert len(left_processes()) >= 2
     began = time.monotonic()
     env.close()
     assert left_processes() == []
@@ -96,7 +96,7 @@ def test_the_game_goes_with_its_trainer(opener: Opener, command: str) -> None:
         assert trainer.stdout is not None
         assert trainer.stdout.readline() == "ready\n"
         games = psutil.Process(trainer.pid).children(recursive=True)
-        assert len(games) == 2
+        assert len(games) >= 2
         trainer.kill()
     assert psutil.wait_procs(games, timeout=5.0)[1] == []
 
@@ -134,9 +134,7 @@ def test_a_game_that_quits(opener: Opener, command: str) -> None:
 def test_a_killed_game(opener: Opener, command: str) -> None:
     env = opened(opener, command)
     env.reset()
-    (shell,) = psutil.Process().children()
-    (game,) = shell.children()
-    os.kill(game.pid, signal.SIGKILL)
+    os.kill(running_game().pid, signal.SIGKILL)
     with pytest.raises(EngineCrashed, match="Godot Engine v3"):
         for _ in range(5):
             env.step(STEP)

@@ -22,8 +22,8 @@ class Install:
     Attributes:
         project: Folder of the project.
         force: Overwrite files of the add-on that were changed there.
-        classic: Let a game that was written for godot-ai, or in Godot 3 for GymGodot, use what the
-            add-on has in its place; godot-ai's or GymGodot's own files are put aside.
+        classic: Let a game that was written for godot-ai, or in Godot 3 for GymGodot or
+            godot_gym_api, use what the add-on has in its place; their own files are put aside.
     """
 
     project: tyro.conf.Positional[Path]

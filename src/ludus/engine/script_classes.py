@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ludus.engine.config_file import parse_config, quote_string
 
-__all__ = ["ScriptClass", "add_script_classes", "find_script_classes"]
+__all__ = ["ScriptClass", "add_script_classes", "find_script_classes", "move_script_classes"]
 
 _CLASSES_KEY = "_global_script_classes"
 _ICONS_KEY = "_global_script_class_icons"
@@ -73,6 +73,21 @@ def add_script_classes(text: str, scripts: list[ScriptClass]) -> str:
     icons = [f'"{script.name}": {quote_string(script.icon)}' for script in new]
     text = _extended(text, _CLASSES_KEY, ", ".join(script.entry() for script in new), ", ")
     return _extended(text, _ICONS_KEY, ",\n".join(icons), ",\n")
+
+
+def move_script_classes(text: str, scripts: list[ScriptClass]) -> str:
+    """Return the text with ``scripts`` where others are listed under their names.
+
+    Icons stay, and so does what is not listed.
+    """
+    entry = parse_config(text).entries.get(f"/{_CLASSES_KEY}")
+    if entry is None:
+        return text
+    value = entry.value
+    for script in scripts:
+        listed = re.compile(rf'\{{[^{{}}]*"class":\s*"{script.name}"[^{{}}]*\}}')
+        value = listed.sub(script.entry().replace("\\", r"\\"), value)
+    return text[: entry.start] + value + text[entry.end :]
 
 
 def _with_empty_lists(text: str) -> str:

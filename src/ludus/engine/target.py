@@ -17,10 +17,12 @@ from ludus.engine.kinds import EngineKind
 from ludus.engine.project import PROJECT_FILE, SCENE_SUFFIXES, Project, find_project, scene_path
 from ludus.errors import TargetError
 
-__all__ = ["DEFAULT_PORT", "PLAY", "Target", "TargetKind", "resolve_target"]
+__all__ = ["BRIDGE_PREFIXES", "DEFAULT_PORT", "PLAY", "Target", "TargetKind", "resolve_target"]
 
 DEFAULT_PORT = 11011
 PLAY = "play"
+BRIDGE_PREFIXES = ("godot_gym_api:", "gymgodot:", "http://")
+"""How targets begin that are games of older bridges, which `ludus.dialects` opens."""
 
 _ADDRESS = re.compile(r"^(?:\[(?P<v6>[0-9a-fA-F:.]+)\]|(?P<host>[\w.-]+)):(?P<port>\d{1,5})$")
 
@@ -98,6 +100,8 @@ def resolve_target(
     """
     engine = None if godot is None else Path(godot)
     text = str(target)
+    if text.startswith(BRIDGE_PREFIXES):
+        raise _only_in_python(text)
     if text == PLAY:
         _refuse_scene(scene, text)
         return Target(kind=TargetKind.PLAY, name=PLAY, address=("127.0.0.1", DEFAULT_PORT))
@@ -188,6 +192,14 @@ def _refuse_scene(scene: str | Path | None, target: str) -> None:
             f"the scene {scene} was named, but {target} decides itself what it runs",
             hint="leave the scene out, or name the project folder as target",
         )
+
+
+def _only_in_python(text: str) -> TargetError:
+    return TargetError(
+        f"{text} is a game of an older bridge, which does not tell what a command needs to know",
+        hint=f"in Python: ludus.make({text!r}, action_space=…, observation_space=…, …); for a "
+        "command give the game an id: gym:MODULE:ID (docs/gymgodot.md, docs/godot_gym_api.md)",
+    )
 
 
 def _unknown(text: str) -> TargetError:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from ludus.dialects.registry import find_bridge
 from ludus.envs.single import LudusEnv
 from ludus.envs.vector import LudusVectorEnv
 from ludus.errors import UsageError
@@ -29,11 +30,13 @@ def make(
 
     Args:
         target: A bundled example (``"cartpole"``), a project folder, a ``.tscn``, an exported game,
-            ``host:port``, or ``"play"`` (wait until somebody presses Play in the editor).
+            ``host:port``, ``"play"`` (wait until somebody presses Play in the editor), or a game of
+            an older bridge: ``"gymgodot:PATH"``, ``"godot_gym_api:PATH"``, ``"http://HOST:PORT"``.
         policy: Name of the agent's policy, None if there is only one.
         render_mode: ``"human"`` opens a window and plays at the speed of the game.
         settings: Fields of :class:`ludus.PoolConfig`, such as ``scene="res://level.tscn"``,
-            ``ticks_per_step=4`` or ``godot="/path/to/godot"``.
+            ``ticks_per_step=4`` or ``godot="/path/to/godot"``; of a game of an older bridge also
+            what its wire does not tell, such as ``action_space=…``.
 
     Raises:
         UsageError: Unknown settings, or a world with more than one agent.
@@ -62,7 +65,7 @@ def make_vec(
         num_engines: Game processes; there are engines × worlds × agents environments.
         policy: Whose agents, None if there is only one policy.
         render_mode: ``"human"`` opens a window and plays at the speed of the game.
-        settings: Fields of :class:`ludus.PoolConfig`.
+        settings: As for :func:`make`.
 
     Raises:
         UsageError: Unknown settings, or several policies and none chosen.
@@ -88,6 +91,8 @@ def _open(target: str | Path, settings: dict[str, Any], render_mode: str | None)
         raise UsageError(f"render_mode is {render_mode!r}, expected 'human' or None")
     if isinstance(settings.get("godot"), str):
         settings["godot"] = Path(settings["godot"])
+    if find_bridge(str(target)) is not None:
+        settings = _split_for_bridge(settings)
     try:
         config = PoolConfig(**settings)
     except TypeError as error:
@@ -97,6 +102,14 @@ def _open(target: str | Path, settings: dict[str, Any], render_mode: str | None)
         launch: LaunchOptions = replace(config.launch, is_windowed=True, is_real_time=True)
         config = replace(config, launch=launch)
     return open_pool(target, config)
+
+
+def _split_for_bridge(settings: dict[str, Any]) -> dict[str, Any]:
+    """Put what is no setting of the pool into ``bridge``, which checks it."""
+    of_pool = PoolConfig.__dataclass_fields__
+    own = {name: value for name, value in settings.items() if name not in of_pool}
+    rest = {name: value for name, value in settings.items() if name in of_pool}
+    return {**rest, "bridge": {**rest.get("bridge", {}), **own}}
 
 
 def _wrapped(

@@ -6,44 +6,33 @@ and anything that Gymnasium knows can be trained. The policy is called ``agent``
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
 
 import gymnasium
 import numpy as np
-from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ludus.batch import ActionBatch, Batch, Batches, StepTimes
+from ludus.batch_rows import action_reader, clear_outcome, write_finals, write_state
 from ludus.errors import SequenceError, TargetError
-from ludus.spec import (
-    ActionComponent,
-    AgentSpec,
-    Bound,
-    ContinuousAction,
-    DiscreteAction,
-    ObservationEntry,
-    PolicySpec,
-    Spec,
-)
+from ludus.gymnasium_spec import read_action, read_observation
+from ludus.spec import AgentSpec, PolicySpec, Spec
 
 __all__ = ["GymnasiumPool"]
 
 POLICY = "agent"
-SINGLE_ENTRY = "observation"
 
 GymEnv = gymnasium.Env[Any, Any]
-Spaces = Mapping[str, spaces.Space[Any]]
 Parameters = Mapping[str, Any] | Sequence[Mapping[str, Any] | None] | None
 
 
 class GymnasiumPool:
     """``num_engines`` times ``num_worlds`` environments with same-step autoreset.
 
-    Observations may be boxes or dictionaries of boxes, actions discrete, multi-discrete or bounded
-    boxes. An ``action_mask`` in the info of a reset counts as the policy's mask.
-    ``reset(parameters=)`` reaches the environments as ``options``. ``open_env`` makes one
+    Observations may be boxes or dictionaries of boxes, actions discrete, multi-discrete,
+    multi-binary or bounded boxes. An ``action_mask`` in the info of a reset counts as the policy's
+    mask. ``reset(parameters=)`` reaches the environments as ``options``. ``open_env`` makes one
     environment; None: Gymnasium makes ``env_id``.
     """
 
@@ -141,7 +130,8 @@ class GymnasiumPool:
                 finals.append((row, observation))
                 observation, info = env.reset()
             write_state(batch, row, observation, info)
-        write_finals(batch, finals)
+        if finals:
+            write_finals(batch, finals)
         self._num_steps += 1
         return {POLICY: batch}
 
@@ -200,81 +190,6 @@ class GymnasiumPool:
         return {POLICY: joined}
 
 
-def read_observation(space: spaces.Space[Any]) -> tuple[ObservationEntry, ...]:
-    """Return the entries of an observation space.
-
-    Raises:
-        TargetError: It is neither a box nor a dictionary of boxes.
-    """
-    parts: Spaces = {SINGLE_ENTRY: space}
-    if isinstance(space, spaces.Dict):
-        parts = cast(Spaces, cast(Any, space).spaces)
-    return tuple(_read_entry(name, part) for name, part in parts.items())
-
-
-def read_action(space: spaces.Space[Any]) -> tuple[ActionComponent, ...]:
-    """Return the components of an action space.
-
-    Raises:
-        TargetError: It is neither discrete, nor multi-discrete, nor a bounded box.
-    """
-    if isinstance(space, spaces.Discrete):
-        return (DiscreteAction("action", int(space.n)),)
-    if isinstance(space, spaces.MultiDiscrete) and len(space.shape) == 1:
-        sizes = cast(NDArray[np.int64], cast(Any, space).nvec)
-        return tuple(DiscreteAction(f"action_{i}", int(n)) for i, n in enumerate(sizes))
-    if isinstance(space, spaces.Box) and space.is_bounded():
-        size = math.prod(space.shape)
-        return (ContinuousAction("action", size, *_bounds(cast(Any, space))),)
-    raise TargetError(
-        f"cannot train the action space {space}",
-        "wrap the environment so that it is Discrete, MultiDiscrete or a bounded Box",
-    )
-
-
-def action_reader(space: spaces.Space[Any]) -> Callable[[ActionBatch, int], Any]:
-    """Return what turns a row of an action batch into an action of ``space``."""
-    if isinstance(space, spaces.Discrete):
-        start = int(space.start)
-        return lambda actions, row: int(actions.discrete[row, 0]) + start
-    if isinstance(space, spaces.MultiDiscrete):
-        first = cast(NDArray[np.int64], cast(Any, space).start)
-        return lambda actions, row: actions.discrete[row] + first
-    shape, dtype = cast(tuple[int, ...], space.shape), space.dtype
-    return lambda actions, row: actions.continuous[row].reshape(shape).astype(dtype)
-
-
-def write_state(batch: Batch, row: int, observation: Any, info: Mapping[str, Any]) -> None:
-    """Write one environment's observation and mask into ``batch``."""
-    if isinstance(observation, Mapping):
-        for name, value in cast(Mapping[str, Any], observation).items():
-            batch.observation[name][row] = np.reshape(value, batch.observation[name].shape[1:])
-    else:
-        batch.observation[SINGLE_ENTRY][row] = observation
-    if batch.action_mask is not None:
-        batch.action_mask[row] = np.asarray(info["action_mask"], np.bool_)
-
-
-def write_finals(batch: Batch, finals: list[tuple[int, Any]]) -> None:
-    """Write the last observations of the episodes that ended, by row."""
-    batch.final_index = np.asarray([row for row, _ in finals], np.int64)
-    for name, array in batch.observation.items():
-        rows = np.zeros((len(finals), *array.shape[1:]), array.dtype)
-        for index, (_, observation) in enumerate(finals):
-            is_named = isinstance(observation, Mapping)
-            value = cast(Mapping[str, Any], observation)[name] if is_named else observation
-            rows[index] = np.reshape(value, array.shape[1:])
-        batch.final_observation[name] = rows
-
-
-def clear_outcome(batch: Batch) -> None:
-    """Set reward and ends to nothing."""
-    batch.reward[:] = 0.0
-    batch.terminated[:] = False
-    batch.truncated[:] = False
-    write_finals(batch, [])
-
-
 def _make(env_id: str, max_episode_steps: int | None) -> GymEnv:
     try:
         return gymnasium.make(env_id, max_episode_steps=max_episode_steps, disable_env_checker=True)
@@ -283,26 +198,6 @@ def _make(env_id: str, max_episode_steps: int | None) -> GymEnv:
             f"Gymnasium cannot make {env_id!r}: {error}",
             "gymnasium.pprint_registry() lists what it knows; MODULE:ENV_ID imports a module first",
         ) from None
-
-
-def _read_entry(name: str, space: spaces.Space[Any]) -> ObservationEntry:
-    if not isinstance(space, spaces.Box):
-        raise TargetError(
-            f"cannot train on the observation {name}: {space}",
-            "wrap the environment with gymnasium.wrappers.FlattenObservation",
-        )
-    kind = np.dtype(cast(Any, space).dtype)
-    dtype = "uint8" if kind == np.uint8 else "float32" if kind.kind == "f" else "int64"
-    return ObservationEntry(name, dtype, space.shape or (1,), *_bounds(cast(Any, space)))
-
-
-def _bounds(box: Any) -> tuple[Bound, Bound]:
-    return _bound(box.low), _bound(box.high)
-
-
-def _bound(values: NDArray[Any]) -> Bound:
-    flat = [float(value) for value in values.flat]
-    return flat[0] if len(set(flat)) == 1 else tuple(flat)
 
 
 def _join_entries(parts: list[dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:

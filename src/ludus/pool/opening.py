@@ -3,18 +3,37 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
+from ludus.dialects.registry import (
+    Bridge,
+    GamePlace,
+    check_settings,
+    find_bridge,
+    open_bridge_session,
+)
 from ludus.engine import Target, allowed_cores, plan_cores, resolve_target
 from ludus.errors import ConfigError
 from ludus.pool.engine_pool import EnginePool
-from ludus.session import EngineSession, LaunchOptions, open_session
+from ludus.session import LaunchOptions, Session, open_session
 from ludus.wire.handshake import EngineConfig
 
 __all__ = ["PoolConfig", "open_pool", "spin_us_beside"]
 
 DEFAULT_SPIN_US = 3000
+_NOT_OF_BRIDGES = (
+    "scene",
+    "num_worlds",
+    "layout",
+    "ticks_per_step",
+    "godot",
+    "spin_us",
+    "launch",
+)
+"""Settings that mean nothing to a game of an older bridge."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +54,8 @@ class PoolConfig:
         spin_us: How long both sides look for a message again and again before they sleep; None:
             3000 where a core is left beside the engines, else 0.
         launch: How games are started and watched.
+        bridge: Settings of a target that is a game of an older bridge, such as
+            ``{"action_space": …}``; :func:`ludus.make` takes them by their own names.
     """
 
     scene: str | Path | None = None
@@ -49,6 +70,7 @@ class PoolConfig:
     is_pinned: bool = True
     spin_us: int | None = None
     launch: LaunchOptions = field(default_factory=LaunchOptions)
+    bridge: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
 
 def open_pool(target: str | Path, config: PoolConfig | None = None) -> EnginePool:
@@ -56,7 +78,8 @@ def open_pool(target: str | Path, config: PoolConfig | None = None) -> EnginePoo
 
     Args:
         target: A bundled example, a project folder, a ``.tscn``, an exported game,
-            ``host:port``, or ``"play"`` (wait until somebody presses Play).
+            ``host:port``, ``"play"`` (wait until somebody presses Play), or a game of an older
+            bridge (``"gymgodot:PATH"``, ``"godot_gym_api:PATH"``, ``"http://HOST:PORT"``).
         config: Engines and worlds.
 
     Raises:
@@ -66,27 +89,73 @@ def open_pool(target: str | Path, config: PoolConfig | None = None) -> EnginePoo
         EngineError: An engine did not start.
     """
     config = config or PoolConfig()
+    _check_numbers(config)
+    bridge = find_bridge(str(target))
+    if bridge is not None:
+        return _open_bridge(bridge, bridge.place_of(str(target)), config)
     resolved = resolve_target(target, scene=config.scene, godot=config.godot)
     _check(config, resolved)
-    cores = plan_cores(config.num_engines).engines if config.is_pinned else ()
+    cores = _cores(config)
 
-    def open_engine(engine: int) -> EngineSession:
-        name = f"engine-{engine}.log"
-        options = replace(
-            config.launch,
-            cores=cores[engine] if cores else None,
-            log_path=config.log_dir / name if config.log_dir else None,
-        )
+    def open_engine(engine: int) -> Session:
+        options = replace(config.launch, cores=cores[engine], log_path=_log_path(config, engine))
         return open_session(resolved, _engine_config(config, engine), options)
 
     return EnginePool(open_engine, config.num_engines, config.max_restarts)
 
 
-def _check(config: PoolConfig, target: Target) -> None:
+def _open_bridge(bridge: Bridge, address: str, config: PoolConfig) -> EnginePool:
+    check_settings(bridge, config.bridge)
+    _check_bridge(bridge, config)
+    cores = _cores(config)
+
+    def open_engine(engine: int) -> Session:
+        place = GamePlace(
+            address=address,
+            num_games=config.num_engines,
+            cores=cores[engine],
+            log_path=_log_path(config, engine),
+        )
+        return open_bridge_session(bridge, place, config.bridge, config.max_episode_steps)
+
+    return EnginePool(open_engine, config.num_engines, config.max_restarts)
+
+
+def _cores(config: PoolConfig) -> tuple[tuple[int, ...] | None, ...]:
+    if not config.is_pinned:
+        return (None,) * config.num_engines
+    return plan_cores(config.num_engines).engines
+
+
+def _log_path(config: PoolConfig, engine: int) -> Path | None:
+    return config.log_dir / f"engine-{engine}.log" if config.log_dir else None
+
+
+def _check_numbers(config: PoolConfig) -> None:
     if config.num_worlds < 1 or config.num_engines < 1:
         raise ConfigError(
             f"num_worlds is {config.num_worlds}, num_engines {config.num_engines}: "
             "both must be at least 1"
+        )
+
+
+def _check_bridge(bridge: Bridge, config: PoolConfig) -> None:
+    usual = PoolConfig()
+    names = [name for name in _NOT_OF_BRIDGES if getattr(config, name) != getattr(usual, name)]
+    if names:
+        raise ConfigError(
+            f"{bridge.form} is one world, as its makers wrote it: {', '.join(names)} cannot be set",
+            hint="leave it out; num_engines is how many games run, if each can listen at a port "
+            f"of its own ({bridge.page})",
+        )
+    if config.max_episode_steps is not None and config.max_episode_steps < 1:
+        raise ConfigError(f"max_episode_steps is {config.max_episode_steps}, expected at least 1")
+
+
+def _check(config: PoolConfig, target: Target) -> None:
+    if config.bridge:
+        raise ConfigError(
+            f"{', '.join(config.bridge)} is a setting of older bridges, and {target.name} is none"
         )
     if config.layout not in {"scene", "isolated", "grid"}:
         raise ConfigError(f"layout is {config.layout!r}, expected scene, isolated or grid")

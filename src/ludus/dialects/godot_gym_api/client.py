@@ -85,12 +85,8 @@ class GodotClient:
             SequenceError: The game is closed.
             EngineError: The game failed.
         """
-        answer = self._game.exchange(encode_request(request))
-        try:
-            return decode_answer(answer, self.protobuf_message_module)
-        except LudusError:
-            self.close()
-            raise
+        self._game.send(encode_request(request))
+        return self._answer()
 
     def reset(self, requested_observation: Mapping[str, Any]) -> State:
         """Begin an episode; errors as :meth:`request`.
@@ -104,7 +100,18 @@ class GodotClient:
 
     def step(self, action: Any, requested_observation: Mapping[str, Any]) -> State:
         """Let the game run for one step with an action, any JSON value. Otherwise as `reset`."""
-        return self.request({ACTION_KEY: action, OBSERVATION_KEY: requested_observation})
+        self.begin_step(action, requested_observation)
+        return self.end_step()
+
+    def begin_step(self, action: Any, requested_observation: Mapping[str, Any]) -> None:
+        """Send what :meth:`step` sends, and return at once; errors as :meth:`request`."""
+        self._game.send(
+            encode_request({ACTION_KEY: action, OBSERVATION_KEY: requested_observation})
+        )
+
+    def end_step(self) -> State:
+        """Wait for the answer to :meth:`begin_step`; errors as :meth:`request`."""
+        return self._answer()
 
     def configure(
         self,
@@ -152,6 +159,14 @@ class GodotClient:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _answer(self) -> State:
+        answer = self._game.receive()
+        try:
+            return decode_answer(answer, self.protobuf_message_module)
+        except LudusError:
+            self.close()
+            raise
 
 
 def _config(engine_address: tuple[str, int], settings: dict[str, Any]) -> GameConfig:

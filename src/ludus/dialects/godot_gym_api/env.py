@@ -2,37 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, cast
+from collections.abc import Mapping
+from typing import Any
 
-import gymnasium
-import numpy as np
-from gymnasium import spaces
-
-from ludus.dialects.godot_gym_api.data import Data
+from ludus.dialects.dialect import Declaration
+from ludus.dialects.godot_gym_api.declared_game import DeclaredGame, Functions
 from ludus.dialects.godot_gym_api.environment import GodotEnvironment
-from ludus.dialects.godot_gym_api.messages import State
-from ludus.dialects.gymgodot.spaces import to_action_list, to_observation
-from ludus.errors import GameError, SequenceError, UsageError
+from ludus.errors import SequenceError
 
-__all__ = ["Functions", "GodotGymApiEnv", "observation_by_names"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Functions:
-    """What a state ``{"agent": data, "world": data}`` means.
-
-    Attributes:
-        get_observation: Returns an element of the observation space.
-        get_reward: Returns the reward of the step that led to the state.
-        is_terminated: Returns whether the episode has ended in it.
-    """
-
-    get_observation: Callable[[State], Any]
-    get_reward: Callable[[State], float]
-    is_terminated: Callable[[State], bool]
+__all__ = ["GodotGymApiEnv"]
 
 
 class GodotGymApiEnv(GodotEnvironment):
@@ -42,8 +20,7 @@ class GodotGymApiEnv(GodotEnvironment):
     before it begins the episode.
 
     Args:
-        action_space: What the game takes.
-        observation_space: What the functions make of its data.
+        declaration: What the game takes, and what the functions make of its data.
         functions: Observation, reward, end.
         requested_observation: Whose data the game shall send; None: agent's and world's.
         settings: Arguments of :class:`GodotEnvironment`.
@@ -51,8 +28,7 @@ class GodotGymApiEnv(GodotEnvironment):
 
     def __init__(
         self,
-        action_space: gymnasium.Space[Any],
-        observation_space: gymnasium.Space[Any],
+        declaration: Declaration,
         functions: Functions,
         requested_observation: Mapping[str, Any] | None = None,
         **settings: Any,
@@ -60,9 +36,11 @@ class GodotGymApiEnv(GodotEnvironment):
         if requested_observation is not None:
             self._requested_observation = requested_observation
         super().__init__(**settings)
-        self.action_space = action_space
-        self.observation_space = observation_space
-        self._functions = functions
+        self.action_space = declaration.action_space
+        self.observation_space = declaration.observation_space
+        self._declared = DeclaredGame(
+            self._godot_client, declaration, functions, self._requested_observation
+        )
         self._needs_reset = True
 
     def reset(
@@ -80,10 +58,7 @@ class GodotGymApiEnv(GodotEnvironment):
         """
         super().reset(seed=seed)
         self._needs_reset = True
-        if options:
-            _check_options(options, (self.AGENT_KEY, self.WORLD_KEY, self.ENVIRONMENT_KEY))
-            self._godot_configure(options)
-        observation = self._observation(self._godot_reset())
+        (observation,) = self._declared.reset(seed, options)
         self._needs_reset = False
         return observation, {}
 
@@ -101,11 +76,10 @@ class GodotGymApiEnv(GodotEnvironment):
         """
         if self._needs_reset:
             raise SequenceError("step outside an episode", hint="call reset() first")
-        state = self._godot_step(_plain_action(self.action_space, action))
-        observation = self._observation(state)
-        reward = self._reward(state)
-        self._needs_reset = bool(self._functions.is_terminated(state))
-        return observation, reward, self._needs_reset, False, {}
+        self._declared.send([action])
+        outcome = self._declared.receive()
+        self._needs_reset = outcome.terminated[0]
+        return outcome.observations[0], outcome.rewards[0], outcome.terminated[0], False, {}
 
     def configure(self, configuration: Mapping[str, Any]) -> None:
         """Configure the game: ``{"agent": {…}, "world": {…}, "environment": {…}}``.
@@ -115,85 +89,3 @@ class GodotGymApiEnv(GodotEnvironment):
             EngineError: The game failed.
         """
         self._godot_configure(configuration)
-
-    def _observation(self, state: State) -> Any:
-        try:
-            value = self._functions.get_observation(state)
-            return _element(self.observation_space, value, "the observation")
-        except GameError:
-            self.close()
-            raise
-
-    def _reward(self, state: State) -> float:
-        reward = float(self._functions.get_reward(state))
-        if not math.isfinite(reward):
-            self.close()
-            raise GameError(
-                f"the reward is {reward}", hint="look at get_reward and at what the game sent"
-            )
-        return reward
-
-
-def observation_by_names(space: spaces.Dict) -> Callable[[State], Any]:
-    """Return the function that takes each entry of a space from the data that has its name.
-
-    The agent's data comes before the world's.
-    """
-
-    def get_observation(state: State) -> dict[str, Any]:
-        return {name: _field(state, name) for name in space.spaces}
-
-    return get_observation
-
-
-def _field(state: State, name: str) -> Any:
-    for part in state.values():
-        if isinstance(part, Data):  # where a field may be called `items`
-            if name in part:
-                return part[name]
-        elif hasattr(part, name):
-            return getattr(part, name)
-    raise GameError(
-        f"neither agent nor world sent a field called {name!r}",
-        hint="name the entries of observation_space as the game's data, or give get_observation",
-    )
-
-
-def _element(space: spaces.Space[Any], value: Any, name: str) -> Any:
-    if isinstance(space, spaces.Dict):
-        entries = cast("dict[str, spaces.Space[Any]]", cast(Any, space).spaces)
-        return {
-            key: _element(entry, _entry(value, key, name), f"{name}[{key!r}]")
-            for key, entry in entries.items()
-        }
-    if isinstance(value, bytes):
-        value = _unpacked(space, value)
-    return to_observation(space, value, name)
-
-
-def _entry(value: Any, key: str, name: str) -> Any:
-    try:
-        return value[key]
-    except (KeyError, TypeError, IndexError) as error:
-        raise GameError(f"{name} has no entry {key!r}") from error
-
-
-def _unpacked(space: spaces.Space[Any], value: bytes) -> Any:
-    """Return bytes as numbers, in the shape of the space where they are as many."""
-    numbers = np.frombuffer(value, np.uint8)
-    shape = space.shape or ()
-    return numbers.reshape(shape) if math.prod(shape) == numbers.size else numbers
-
-
-def _plain_action(space: spaces.Space[Any], action: Any) -> Any:
-    numbers = to_action_list(space, action)
-    return numbers[0] if isinstance(space, spaces.Discrete) else numbers
-
-
-def _check_options(options: Mapping[str, Any], known: tuple[str, ...]) -> None:
-    unknown = [key for key in options if key not in known]
-    if unknown:
-        raise UsageError(
-            f"unknown reset option {', '.join(map(repr, unknown))}",
-            hint=f"there are {', '.join(known)}; they configure the game",
-        )

@@ -7,28 +7,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ludus.dialects.godot_gym_api.connection import Connection, connect
-from ludus.dialects.godot_gym_api.launching import (
-    check_port_is_free,
-    free_port,
-    shell_command,
-    target_command,
-)
-from ludus.engine import EngineProcess, LaunchConfig
+from ludus.dialects.godot_gym_api.ports import check_port_is_free, free_port
+from ludus.dialects.launching import project_command, shell_command
+from ludus.dialects.watching import GameWatch
 from ludus.errors import (
     ConfigError,
     EngineError,
     EngineStartError,
     EngineTimeout,
-    GameError,
     ProtocolError,
     SequenceError,
 )
 from ludus.link import LinkClosed
-from ludus.session.supervision import Supervision
 
 __all__ = ["Game", "GameConfig"]
 
-_SCRIPT_ERROR_S = 1.0
 _PRINT_SETTLE_S = 0.2
 _NUM_SHOWN = 60
 
@@ -49,6 +42,7 @@ class GameConfig:
         start_timeout_s: How long it may take until the game listens.
         step_timeout_s: How long an answer may take.
         log_path: File that gets a copy of what a game that we start prints.
+        cores: Cores that a game which we start is pinned to; None: the system decides.
     """
 
     engine_address: tuple[str, int] = ("127.0.0.1", 9090)
@@ -60,6 +54,7 @@ class GameConfig:
     start_timeout_s: float = 60.0
     step_timeout_s: float = 60.0
     log_path: str | Path | None = None
+    cores: tuple[int, ...] | None = None
 
 
 class Game:
@@ -79,36 +74,57 @@ class Game:
         _check(config)
         self._config = config
         self._connection: Connection | None = None
-        self._process: EngineProcess | None = None
-        self._known_errors: set[str] = set()
+        self._watch = GameWatch()
+        self._asked = (b"", 0.0)
         host, port = config.engine_address
         is_ours = config.target is not None or config.command is not None
         self.address = (host, port or free_port(host)) if is_ours else (host, port)
         try:
             if is_ours:
-                self._process = self._start()
+                self._watch = self._start()
             self._connection = self._connect()
         except BaseException:
             self.close()
             raise
 
-    def exchange(self, request: bytes) -> bytes:
-        """Send a request and return its answer.
+    def send(self, request: bytes) -> None:
+        """Send a request and return at once.
+
+        Raises:
+            SequenceError: The game is closed.
+            EngineCrashed: It died, or hung up.
+            EngineTimeout: It does not read.
+            ProtocolError: It sent something that nobody had asked for.
+        """
+        connection = self._open_connection()
+        try:
+            if connection.has_unread():
+                raise ProtocolError("the game sent an answer that nobody had asked for")
+            self._asked = (request, time.monotonic())
+            connection.send(request, self._config.step_timeout_s)
+        except (LinkClosed, EngineTimeout) as error:
+            raise self._failed(error) from error
+        except BaseException:
+            self.close()
+            raise
+
+    def receive(self) -> bytes:
+        """Wait for the answer to :meth:`send`.
 
         Raises:
             SequenceError: The game is closed.
             EngineCrashed: It died, or hung up.
             EngineTimeout: It did not answer.
-            ProtocolError: It sent something else than one answer.
+            ProtocolError: Its answer is too long.
             GameError: A script of it failed.
         """
-        connection = self._connection
-        if connection is None:
-            raise SequenceError(
-                "the game is closed, or an error ended it", hint="make the environment anew"
-            )
+        connection = self._open_connection()
+        _, began = self._asked
+        deadline = began + self._config.step_timeout_s
         try:
-            return self._exchange(connection, request)
+            return connection.receive(deadline, lambda: self._watch.check_new_errors(began))
+        except (LinkClosed, EngineTimeout) as error:
+            raise self._failed(error) from error
         except BaseException:
             # Whoever is interrupted between request and answer cannot go on, either.
             self.close()
@@ -116,63 +132,51 @@ class Game:
 
     def note_errors(self) -> None:
         """Take the script errors so far for known; new ones explain a missing answer."""
-        if self._process is not None:
-            self._known_errors = set(self._process.script_errors)
+        self._watch.note_errors()
 
     def close(self) -> None:
         """End the conversation, and the game if we started it; may be called twice."""
         if self._connection is not None:
             self._connection.close()
             self._connection = None
-        if self._process is not None:
-            self._process.terminate()
-            self._process = None
+        self._watch.close()
 
-    def _exchange(self, connection: Connection, request: bytes) -> bytes:
-        if connection.has_unread():
-            raise ProtocolError("the game sent an answer that nobody had asked for")
-        began, timeout_s = time.monotonic(), self._config.step_timeout_s
+    def _open_connection(self) -> Connection:
+        if self._connection is None:
+            raise SequenceError(
+                "the game is closed, or an error ended it", hint="make the environment anew"
+            )
+        return self._connection
+
+    def _failed(self, error: LinkClosed | EngineTimeout) -> EngineError:
+        """End a game that went or is silent; return what says what became of it."""
         try:
-            connection.send(request, timeout_s)
-            return connection.receive(began + timeout_s, lambda: self._check_scripts(began))
-        except LinkClosed as error:
-            raise self._explain_end(error) from error
-        except EngineTimeout as error:
+            if isinstance(error, LinkClosed):
+                # A game that lives has printed why it sent us away.
+                time.sleep(_PRINT_SETTLE_S)
+                return self._watch.explain(str(error))
+            request, timeout_s = self._asked[0], self._config.step_timeout_s
             silent = EngineTimeout(
                 f"the game did not answer {_shown(request)} within {timeout_s:g} s",
                 hint="a game serves one client at a time, and answers when its step has ended; "
                 "if a step really takes longer, raise step_timeout_s",
             )
-            raise self._supervision().explain_silence(silent) from error
+            return self._watch.explain_silence(silent)
+        finally:
+            self.close()
 
-    def _explain_end(self, error: LinkClosed) -> EngineError:
-        # A game that lives has printed why it sent us away.
-        time.sleep(_PRINT_SETTLE_S)
-        return self._supervision().explain(str(error))
-
-    def _check_scripts(self, began: float) -> None:
-        """Raise early if a script failed since the last reset: the answer will never come."""
-        if self._process is None or time.monotonic() - began < _SCRIPT_ERROR_S:
-            return
-        if set(self._process.script_errors) - self._known_errors:
-            raise GameError(
-                f"a script of the game failed:{self._supervision().script_errors()}",
-                hint="the script and its line stand behind `at:`",
-            )
-
-    def _start(self) -> EngineProcess:
+    def _start(self) -> GameWatch:
         check_port_is_free(self.address)
-        config, port = self._config, self.address[1]
+        config = self._config
+        # Only a game with our classes knows this argument.
+        arguments = (f"--ludus-port={self.address[1]}",)
+        fps, drawing = config.frames_per_second, config.is_windowed
         if config.target is not None:
-            command = target_command(
-                config.target, port, config.frames_per_second, is_windowed=config.is_windowed
-            )
+            command = project_command(config.target, arguments, fps, is_windowed=drawing)
         else:
-            command = shell_command(
-                config.command or "", port, config.frames_per_second, is_windowed=config.is_windowed
-            )
+            command = shell_command(config.command or "", arguments, fps, is_windowed=drawing)
         log_path = None if config.log_path is None else Path(config.log_path)
-        return EngineProcess.start(LaunchConfig(command=command, log_path=log_path))
+        return GameWatch.start(command, log_path, config.cores)
 
     def _connect(self) -> Connection:
         config = self._config
@@ -181,18 +185,14 @@ class Game:
                 self.address,
                 config.start_timeout_s,
                 config.max_answer_bytes,
-                self._supervision().check_alive,
+                self._watch.check_alive,
             )
         except EngineTimeout as error:
-            report = "" if self._process is None else f": {self._process.describe_death()}"
             raise EngineStartError(
-                f"{error.message}{report}",
+                f"{error.message}{self._watch.report()}",
                 hint="the scene needs an RLEnvironment that calls communication.start_server with "
                 "this port; if loading takes longer, raise start_timeout_s",
             ) from error
-
-    def _supervision(self) -> Supervision:
-        return Supervision(self._process)
 
 
 def _check(config: GameConfig) -> None:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
-from gymnasium import spaces
-
+from ludus.dialects.dialect import Declaration
 from ludus.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -14,8 +13,6 @@ if TYPE_CHECKING:
     from ludus.dialects.godot_gym_api.messages import State
 
 __all__ = ["make"]
-
-_ELEMENTARY = (spaces.Discrete, spaces.Box, spaces.MultiDiscrete, spaces.MultiBinary)
 
 
 def make(
@@ -52,21 +49,17 @@ def make(
         EngineStartError: The game did not start, or never listened.
         EngineCrashed: It ended before we were connected.
     """
-    from ludus.dialects.godot_gym_api.env import Functions, GodotGymApiEnv, observation_by_names
+    from ludus.dialects.godot_gym_api.declaring import check_spaces, read_functions
+    from ludus.dialects.godot_gym_api.env import GodotGymApiEnv
 
-    _check_spaces(action_space, observation_space)
+    check_spaces(action_space, observation_space)
     if render_mode is not None:
         raise ConfigError(f"render_mode is {render_mode!r}, expected None")
-    if get_observation is None:
-        get_observation = observation_by_names(_named(observation_space))
-    functions = Functions(
-        get_observation=get_observation,
-        get_reward=_given("get_reward", get_reward),
-        is_terminated=_given("is_terminated", is_terminated),
+    functions = read_functions(observation_space, get_observation, get_reward, is_terminated)
+    declaration = Declaration(
+        name="godot_gym_api", observation_space=observation_space, action_space=action_space
     )
-    env = GodotGymApiEnv(
-        action_space, observation_space, functions, requested_observation, **settings
-    )
+    env = GodotGymApiEnv(declaration, functions, requested_observation, **settings)
     if configuration:
         try:
             env.configure(configuration)
@@ -74,40 +67,3 @@ def make(
             env.close()
             raise
     return env
-
-
-def _check_spaces(action_space: Any, observation_space: Any) -> None:
-    _check_space("action_space", action_space)
-    if isinstance(observation_space, spaces.Dict):
-        for name, space in cast(Any, observation_space).spaces.items():
-            _check_space(f"observation_space[{name!r}]", space)
-    else:
-        _check_space("observation_space", observation_space)
-
-
-def _check_space(name: str, space: Any) -> None:
-    if not isinstance(space, _ELEMENTARY):
-        names = ", ".join(kind.__name__ for kind in _ELEMENTARY)
-        raise ConfigError(
-            f"{name} must be one of {names}, got {space!r}",
-            hint="the wire does not tell spaces: declare them in Python, as the game has them",
-        )
-
-
-def _named(observation_space: Any) -> spaces.Dict:
-    if not isinstance(observation_space, spaces.Dict):
-        raise ConfigError(
-            "get_observation is missing",
-            hint="give it, or an observation_space that is a Dict with the names of the data",
-        )
-    return cast(Any, observation_space)
-
-
-def _given(name: str, function: Callable[[State], Any] | None) -> Callable[[State], Any]:
-    if not callable(function):
-        raise ConfigError(
-            f"{name} is missing",
-            hint="the wire has no reward and no end: write functions of the state, "
-            '{"agent": data, "world": data}',
-        )
-    return function

@@ -6,14 +6,13 @@ from typing import Any
 
 import gymnasium
 
+from ludus.dialects.dialect import Declaration
+from ludus.dialects.gymgodot.declared_game import DeclaredGame
 from ludus.dialects.gymgodot.frames import Frames, check_saved
 from ludus.dialects.gymgodot.game import Game
-from ludus.dialects.gymgodot.spaces import to_action_list, to_observation
-from ludus.errors import GameError, SequenceError, UsageError
+from ludus.errors import SequenceError
 
 __all__ = ["GymGodotEnv"]
-
-_USUAL_STEP_LENGTH = 2
 
 
 class GymGodotEnv(gymnasium.Env[Any, Any]):
@@ -25,8 +24,7 @@ class GymGodotEnv(gymnasium.Env[Any, Any]):
     Args:
         game: Closed with the environment, as are the frames.
         frames: Where the game saves frames.
-        action_space: What the game takes.
-        observation_space: What it shows.
+        declaration: What it takes and shows.
         render_mode: ``"rgb_array"`` or None.
     """
 
@@ -34,19 +32,19 @@ class GymGodotEnv(gymnasium.Env[Any, Any]):
         self,
         game: Game,
         frames: Frames,
-        action_space: gymnasium.Space[Any],
-        observation_space: gymnasium.Space[Any],
+        declaration: Declaration,
         render_mode: str | None = None,
     ) -> None:
         self.game = game
         self.frames = frames
-        self.action_space = action_space
-        self.observation_space = observation_space
+        self.action_space = declaration.action_space
+        self.observation_space = declaration.observation_space
         self.render_mode = render_mode
         self.metadata = {
             "render_modes": ["rgb_array"],
-            "render_fps": game.frames_per_second / _USUAL_STEP_LENGTH,
+            "render_fps": declaration.steps_per_second,
         }
+        self._declared = DeclaredGame(game, declaration)
         self._needs_reset = True
 
     def reset(
@@ -63,16 +61,11 @@ class GymGodotEnv(gymnasium.Env[Any, Any]):
             EngineError: The game failed.
         """
         super().reset(seed=seed)
-        if options:
-            raise UsageError(
-                f"unknown reset option {', '.join(map(str, options))}",
-                hint="GymGodot's reset takes nothing; Ludus's own add-on has parameters",
-            )
         self._needs_reset = True
-        observation = self.game.reset()
+        (observation,) = self._declared.reset(seed, options)
         self.frames.restart()
         self._needs_reset = False
-        return self._observation(observation, "init_observation"), {}
+        return observation, {}
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Act once.
@@ -87,10 +80,10 @@ class GymGodotEnv(gymnasium.Env[Any, Any]):
         """
         if self._needs_reset:
             raise SequenceError("step outside an episode", hint="call reset() first")
-        answer = self.game.step(to_action_list(self.action_space, action))
-        self._needs_reset = answer.is_done
-        observation = self._observation(answer.observation, "observation")
-        return observation, answer.reward, answer.is_done, False, {}
+        self._declared.send([action])
+        outcome = self._declared.receive()
+        self._needs_reset = outcome.terminated[0]
+        return outcome.observations[0], outcome.rewards[0], outcome.terminated[0], False, {}
 
     def render(self) -> Any:
         """Have the game save the current frame as the next numbered PNG.
@@ -110,10 +103,3 @@ class GymGodotEnv(gymnasium.Env[Any, Any]):
         """Ask the game to quit, and end what is still there; may be called twice."""
         self.game.close()
         self.frames.close()
-
-    def _observation(self, value: Any, name: str) -> Any:
-        try:
-            return to_observation(self.observation_space, value, name)
-        except GameError:
-            self.game.close()
-            raise

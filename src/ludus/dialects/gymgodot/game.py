@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shlex
-import subprocess
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,6 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ludus.dialects.gymgodot.door import Door
+from ludus.dialects.gymgodot.frames import DEFAULT_RENDER_PATH
 from ludus.dialects.gymgodot.messages import (
     CLOSE_REQUEST,
     RENDER_REQUEST,
@@ -23,9 +21,11 @@ from ludus.dialects.gymgodot.messages import (
     step_request,
 )
 from ludus.dialects.gymgodot.web_socket import WebSocket
-from ludus.engine import EngineProcess, LaunchConfig
+from ludus.dialects.launching import project_command, shell_command
+from ludus.dialects.watching import GameWatch
 from ludus.errors import (
     EngineCrashed,
+    EngineError,
     EngineStartError,
     EngineTimeout,
     GameError,
@@ -33,13 +33,11 @@ from ludus.errors import (
     SequenceError,
 )
 from ludus.link import LinkClosed
-from ludus.session.supervision import Supervision
 
 __all__ = ["Game", "GameConfig"]
 
 _Answer = TypeVar("_Answer")
 _QUIT_S = 3.0
-_SCRIPT_ERROR_S = 1.0
 _NO_SCREEN = "Display is not available"
 _RENDERER_HINT = (
     "saving frames takes a renderer: run godot3, not godot3-server, on a desktop or in "
@@ -54,8 +52,9 @@ class GameConfig:
     Attributes:
         host: Address at which we wait for the game.
         port: Port there; 0 takes a free one.
-        command: What the shell runs; it gets further arguments at its end. None: somebody else
-            starts the game.
+        target: Project or scene to start.
+        command: What the shell runs; it gets further arguments at its end. None, without
+            ``target``, too: somebody else starts the game.
         is_windowed: Whether the game draws while it steps.
         frames_per_second: Frames in one second of game time.
         render_path: What the game puts before the number of a saved frame.
@@ -63,18 +62,21 @@ class GameConfig:
         start_timeout_s: How long it may take until the game has connected.
         step_timeout_s: How long an answer may take.
         log_path: File that gets a copy of what the game prints.
+        cores: Cores that a game which we start is pinned to; None: the system decides.
     """
 
-    host: str
-    port: int
-    command: str | None
-    is_windowed: bool
-    frames_per_second: int
-    render_path: str
+    host: str = "127.0.0.1"
+    port: int = 0
+    target: Path | None = None
+    command: str | None = None
+    is_windowed: bool = False
+    frames_per_second: int = 60
+    render_path: str = DEFAULT_RENDER_PATH
     max_message_bytes: int
-    start_timeout_s: float
-    step_timeout_s: float
-    log_path: Path | None
+    start_timeout_s: float = 60.0
+    step_timeout_s: float = 60.0
+    log_path: Path | None = None
+    cores: tuple[int, ...] | None = None
 
 
 class Game:
@@ -83,6 +85,7 @@ class Game:
     After an error the game is gone; every later request raises ``SequenceError``.
 
     Raises:
+        TargetError: The target cannot be run.
         EngineStartError: The port is taken, or the game never connected.
         EngineCrashed: The command ended before the game connected.
     """
@@ -90,12 +93,12 @@ class Game:
     def __init__(self, config: GameConfig) -> None:
         self._config = config
         self._link: WebSocket | None = None
-        self._process: EngineProcess | None = None
-        self._known_errors: set[str] = set()
+        self._watch = GameWatch()
+        self._asked = ("", 0.0)
         door = Door(config.host, config.port)
         self.port = door.port
         try:
-            self._process = _start(config, door.port)
+            self._watch = _start(config, door.port)
             self._link = self._await_game(door)
         except BaseException:
             self._end()
@@ -109,16 +112,26 @@ class Game:
         return self._config.frames_per_second
 
     def reset(self) -> Any:
-        """Begin an episode; return the first observation as lists. Errors as :meth:`step`."""
-        if self._process is not None:
-            self._known_errors = set(self._process.script_errors)
+        """Begin an episode; return the first observation as lists. Errors as :meth:`end_step`."""
+        self._watch.note_errors()
         return self._ask(RESET_REQUEST, read_reset)
 
-    def step(self, action: Any) -> StepAnswer:
-        """Act.
+    def begin_step(self, action: Any) -> None:
+        """Act, and return at once.
 
         Args:
             action: List of numbers.
+
+        Raises:
+            SequenceError: The game is closed.
+            EngineCrashed: It died.
+            EngineTimeout: It does not read.
+            ProtocolError: It sent something that nobody had asked for.
+        """
+        self._send(step_request(action))
+
+    def end_step(self) -> StepAnswer:
+        """Wait for what :meth:`begin_step` led to.
 
         Raises:
             SequenceError: The game is closed.
@@ -127,10 +140,10 @@ class Game:
             ProtocolError: It sent something else than an answer.
             GameError: A script of it failed, or the reward is not finite.
         """
-        return self._ask(step_request(action), read_step)
+        return self._receive(read_step)
 
     def render(self) -> int:
-        """Have the current frame saved; return Godot's error code. Errors as :meth:`step`."""
+        """Have the current frame saved; return Godot's error code. Errors as :meth:`end_step`."""
         try:
             return self._ask(RENDER_REQUEST, read_render)
         except GameError as error:
@@ -146,99 +159,96 @@ class Game:
             else:
                 self._link.drain(_QUIT_S)
                 self._link.close()
-                if self._process is not None:
-                    self._process.wait(_QUIT_S)
+                self._watch.wait(_QUIT_S)
         self._end()
 
     def _ask(self, request: str, read: Callable[[bytes], _Answer]) -> _Answer:
-        link = self._link
-        if link is None:
-            raise SequenceError(
-                "the game is closed, or an error ended it", hint="make the environment anew"
-            )
+        self._send(request)
+        return self._receive(read)
+
+    def _send(self, request: str) -> None:
+        link = self._open_link()
         try:
-            return read(self._exchange(link, request))
+            if link.has_message:
+                raise ProtocolError("the game sent a message that nobody had asked for")
+            self._asked = (request, time.monotonic())
+            link.send(request, self._config.step_timeout_s)
+        except (LinkClosed, EngineTimeout) as error:
+            raise self._failed(error) from error
+        except BaseException:
+            self._end()
+            raise
+
+    def _receive(self, read: Callable[[bytes], _Answer]) -> _Answer:
+        link = self._open_link()
+        _, began = self._asked
+        deadline = began + self._config.step_timeout_s
+        try:
+            return read(link.receive(deadline, lambda: self._watch.check_new_errors(began)))
+        except (LinkClosed, EngineTimeout) as error:
+            raise self._failed(error) from error
         except BaseException:
             # Whoever is interrupted between request and answer cannot go on, either.
             self._end()
             raise
 
-    def _exchange(self, link: WebSocket, request: str) -> bytes:
-        if link.has_message:
-            raise ProtocolError("the game sent a message that nobody had asked for")
-        began = time.monotonic()
-        try:
-            link.send(request, self._config.step_timeout_s)
-            return link.receive(
-                began + self._config.step_timeout_s, lambda: self._check_scripts(began)
+    def _open_link(self) -> WebSocket:
+        if self._link is None:
+            raise SequenceError(
+                "the game is closed, or an error ended it", hint="make the environment anew"
             )
-        except LinkClosed as error:
-            raise self._supervision().explain(str(error)) from error
-        except EngineTimeout as error:
+        return self._link
+
+    def _failed(self, error: LinkClosed | EngineTimeout) -> EngineError:
+        """End a game that went or is silent; return what says what became of it."""
+        try:
+            if isinstance(error, LinkClosed):
+                return self._watch.explain(str(error))
+            request, timeout_s = self._asked[0], self._config.step_timeout_s
             silent = EngineTimeout(
-                f"the game did not answer {request[:40]} within {self._config.step_timeout_s:g} s",
+                f"the game did not answer {request[:40]} within {timeout_s:g} s",
                 hint="a game that is paused or hangs never answers; if a step really takes "
                 "longer, raise step_timeout_s",
             )
-            raise self._supervision().explain_silence(silent) from error
-
-    def _check_scripts(self, began: float) -> None:
-        """Raise early if a script failed since the last reset: the answer will never come."""
-        if self._process is None or time.monotonic() - began < _SCRIPT_ERROR_S:
-            return
-        if set(self._process.script_errors) - self._known_errors:
-            raise GameError(
-                f"a script of the game failed:{self._supervision().script_errors()}",
-                hint="the script and its line stand behind `at:`",
-            )
+            return self._watch.explain_silence(silent)
+        finally:
+            self._end()
 
     def _await_game(self, door: Door) -> WebSocket:
         config = self._config
         try:
             return door.accept(
-                config.start_timeout_s, config.max_message_bytes, self._supervision().check_alive
+                config.start_timeout_s, config.max_message_bytes, self._watch.check_alive
             )
         except EngineCrashed as error:
             if _NO_SCREEN in error.message:
                 raise EngineCrashed(error.message, _RENDERER_HINT) from error
             raise
         except EngineTimeout as error:
-            report = "" if self._process is None else f": {self._process.describe_death()}"
             raise EngineStartError(
-                f"{error.message} at {config.host}:{door.port}{report}",
+                f"{error.message} at {config.host}:{door.port}{self._watch.report()}",
                 hint="the scene needs an enabled GymGodot node, and exeCmd must pass on the "
                 "arguments put at its end; if loading takes longer, raise start_timeout_s",
             ) from error
-
-    def _supervision(self) -> Supervision:
-        return Supervision(self._process)
 
     def _end(self) -> None:
         if self._link is not None:
             self._link.close()
             self._link = None
-        if self._process is not None:
-            self._process.terminate()
-            self._process = None
+        self._watch.close()
 
 
-def _start(config: GameConfig, port: int) -> EngineProcess | None:
-    if config.command is None:
-        return None
-    line = f"{config.command} {_join(_arguments(config, port))}"
-    shell = ("/bin/sh", "-c", line) if os.name == "posix" else ("cmd", "/s", "/c", line)
-    return EngineProcess.start(LaunchConfig(command=shell, log_path=config.log_path))
-
-
-def _arguments(config: GameConfig, port: int) -> tuple[str, ...]:
-    return (
-        *("--fixed-fps", str(config.frames_per_second)),
-        *(() if config.is_windowed else ("--disable-render-loop",)),
+def _start(config: GameConfig, port: int) -> GameWatch:
+    arguments = (
         f"--serverIP={config.host}",
         f"--serverPort={port}",
         f"--renderPath={config.render_path}",
     )
-
-
-def _join(arguments: tuple[str, ...]) -> str:
-    return shlex.join(arguments) if os.name == "posix" else subprocess.list2cmdline(arguments)
+    drawing, fps = config.is_windowed, config.frames_per_second
+    if config.target is not None:
+        command = project_command(config.target, arguments, fps, is_windowed=drawing)
+    elif config.command is not None:
+        command = shell_command(config.command, arguments, fps, is_windowed=drawing)
+    else:
+        return GameWatch()
+    return GameWatch.start(command, config.log_path, config.cores)

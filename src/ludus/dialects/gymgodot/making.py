@@ -6,13 +6,17 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ludus.dialects.dialect import Declaration
 from ludus.dialects.gymgodot.spaces import check_space, max_message_bytes
 from ludus.errors import ConfigError, SetupError
 
 if TYPE_CHECKING:
     from ludus.dialects.gymgodot.env import GymGodotEnv
 
-__all__ = ["make"]
+__all__ = ["USUAL_STEP_LENGTH", "check_host", "check_packages", "make"]
+
+USUAL_STEP_LENGTH = 2
+"""Frames of a step in GymGodot unless the scene says otherwise, which the wire does not tell."""
 
 _RENDER_MODES = (None, "rgb_array")
 _PROC_MODES = ("process", "thread")
@@ -66,12 +70,12 @@ def make(
         EngineStartError: The port is taken, or the game never connected.
         EngineCrashed: The command ended before the game connected.
     """
-    _check_packages()
+    check_packages()
     check_space("action_space", action_space)
     check_space("observation_space", observation_space)
     _check_choice("render_mode", render_mode, _RENDER_MODES)
     _check_choice("proc_mode", proc_mode, _PROC_MODES)
-    _check_host(serverIP, allow_remote=allow_remote)
+    check_host(serverIP, allow_remote=allow_remote)
     settings = {
         "host": serverIP,
         "port": _port(serverPort),
@@ -104,10 +108,21 @@ def _open(
     except BaseException:
         frames.close()
         raise
-    return GymGodotEnv(game, frames, action_space, observation_space, render_mode)
+    declaration = Declaration(
+        name="gymgodot",
+        observation_space=observation_space,
+        action_space=action_space,
+        steps_per_second=game.frames_per_second / USUAL_STEP_LENGTH,
+    )
+    return GymGodotEnv(game, frames, declaration, render_mode)
 
 
-def _check_packages() -> None:
+def check_packages() -> None:
+    """Check that what the wire and its frames take is installed.
+
+    Raises:
+        SetupError: It is not.
+    """
     missing = [name for module, name in _PACKAGES.items() if find_spec(module) is None]
     if missing:
         raise SetupError(
@@ -122,7 +137,12 @@ def _check_choice(name: str, value: str | None, known: tuple[str | None, ...]) -
         raise ConfigError(f"{name} is {value!r}, expected {names}")
 
 
-def _check_host(host: str, *, allow_remote: bool) -> None:
+def check_host(host: str, *, allow_remote: bool) -> None:
+    """Refuse to let other machines connect unless that was asked for.
+
+    Raises:
+        ConfigError: It was not.
+    """
     if not allow_remote and host != "localhost" and not host.startswith("127."):
         raise ConfigError(
             f"serverIP {host!r} lets other machines connect",
