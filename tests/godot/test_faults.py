@@ -266,8 +266,8 @@ def test_a_game_that_dies_when_it_is_made(game: Game) -> None:
     assert game.engines() == []
 
 
-@pytest.mark.parametrize("num_worlds", [0, 4097])
+@pytest.mark.parametrize("num_worlds", [0, 65_537])
 def test_a_number_of_worlds_that_is_refused(game: Game, num_worlds: int) -> None:
-    with pytest.raises(TargetError, match=f"num_worlds is {num_worlds}, the limit is 4096"):
+    with pytest.raises(TargetError, match=f"num_worlds is {num_worlds}, the limit is 65536"):
         game.open(num_worlds=num_worlds)
     assert game.engines() == []

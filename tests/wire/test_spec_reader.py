@@ -23,8 +23,8 @@ BIG = 10**4000
 
 # path of the value, its replacement, where the error says it is, what the error says
 MISTAKES: list[tuple[list[Any], Any, str, str]] = [
-    (["num_worlds"], 0, "spec.num_worlds", "expected 1 to 4096, got 0"),
-    (["num_worlds"], 4097, "spec.num_worlds", "expected 1 to 4096"),
+    (["num_worlds"], 0, "spec.num_worlds", "expected 1 to 65536, got 0"),
+    (["num_worlds"], 65_537, "spec.num_worlds", "expected 1 to 65536"),
     (["num_worlds"], 1.5, "spec.num_worlds", "expected an integer"),
     (["num_worlds"], True, "spec.num_worlds", "expected an integer"),
     (["num_worlds"], "2", "spec.num_worlds", "expected an integer"),

@@ -41,7 +41,7 @@ def test_names_of_runs(run: str) -> None:
     ("key", "values"),
     [
         ("run", ["", ".", "..", ".hidden", "-v", "a/b", "a\\b", "a b", "ä", "x" * 65, "a\n", 3]),
-        ("num_worlds", [0, -1, 4097, 1.5, "3", True, float("inf"), [1]]),
+        ("num_worlds", [0, -1, 65_537, 1.5, "3", True, float("inf"), [1]]),
         ("seed", [-1, 2**63, 0.5, "", False]),
         ("checkpoint_every_updates", [0, -5, "often", 1e300]),
     ],

@@ -4,7 +4,7 @@ extends Reference
 
 const START_TIMEOUT_MS := 60000
 const MIN_TOKEN_LENGTH := 16
-const MAX_WORLDS := 4096
+const MAX_WORLDS := 65536
 const MAX_SPIN_US := 100000
 const LAYOUTS := ["scene", "isolated", "grid"]
 const MAIN_SCENE_SETTING := "application/run/main_scene"
