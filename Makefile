@@ -64,11 +64,11 @@ bevy-cargo:
 
 bevy-lint: bevy-cargo
 	cd $(BEVY_PROJECT) && cargo fmt --check
-	cd $(BEVY_PROJECT) && cargo clippy --locked --workspace --all-targets -- -D warnings
-	cd $(BEVY_PROJECT) && RUSTDOCFLAGS='-D warnings' cargo doc --locked --workspace --no-deps
+	cd $(BEVY_PROJECT) && cargo clippy --locked --workspace --all-features --all-targets -- -D warnings
+	cd $(BEVY_PROJECT) && RUSTDOCFLAGS='-D warnings' cargo doc --locked --workspace --all-features --no-deps
 
 bevy-test: bevy-cargo
-	cd $(BEVY_PROJECT) && cargo test --locked --workspace
+	cd $(BEVY_PROJECT) && cargo test --locked --workspace --all-features
 
 test: setup lint bevy-test
 	@$(BIN)/ludus engine install godot4 --rendering

@@ -24,6 +24,7 @@ from ludus.train.export.parity import (
     measure_parity,
     require_parity,
 )
+from ludus.train.export.parity_files import REQUEST
 from ludus.train.policy import Policy
 from tests.train.trained_runs import MIXED, SIMPLE, make_policy
 
@@ -96,7 +97,7 @@ def test_a_file_that_godot_refuses_is_an_error(
     godot4: InstalledEngine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     policy = make_policy(SIMPLE)
-    monkeypatch.setattr(godot_runtime, "_write_request", write_broken_request)
+    monkeypatch.setattr(godot_runtime, "write_request", write_broken_request)
     with pytest.raises(EngineError, match="does not run in Godot") as error:
         measure(policy, tmp_path, godot4)
     assert "is not JSON" in error.value.message
@@ -110,7 +111,7 @@ def write_broken_request(folder: Path, path: Path, *_: object) -> None:
     request: dict[str, Any] = {
         "policy": str(broken), "num_steps": 1, "num_agents": 1, "entries": [], "mask_size": 0,
     }  # fmt: skip
-    (folder / godot_runtime.REQUEST).write_text(json.dumps(request))
+    (folder / REQUEST).write_text(json.dumps(request))
 
 
 def test_an_engine_that_takes_too_long_is_ended(

@@ -30,8 +30,8 @@ class ExportCommand:
         to: A file, if there is one policy; a folder; or a pattern such as models/{policy}.onnx.
             None is the run's folder, as .ludus.json.
         checkpoint: "newest", "best" (the highest mean return), or one of the run's checkpoints.
-        parity: Test that the exported policy computes what was trained, in Godot, too.
-        godot: Engine to test with; none is the one that ludus finds.
+        parity: Test that the exported policy computes what was trained, in the game engine, too.
+        godot: Godot to test with; none is the one that ludus finds, or the run's Bevy game.
     """
 
     run: tyro.conf.Positional[Path]
@@ -85,6 +85,8 @@ def _parity_lines(report: ParityReport) -> list[str]:
         "ONNX Runtime": "pip install 'ludus-rl[export]'",
         "Godot": "ludus engine install godot4",
     }
+    if "Bevy" in tested:
+        del hints["Godot"]
     missing = {name: hint for name, hint in hints.items() if name not in tested}
     return lines + [f"    {name:<13} not tested ({hint})" for name, hint in missing.items()]
 

@@ -95,7 +95,10 @@ def godot_command(
 def executable_command(program: Path, flags: GodotFlags) -> tuple[str, ...]:
     """Build the command line of an exported Godot game, or of one made with ``bevy_ludus``."""
     if is_bevy_game(program):
-        return bevy_command(program, flags.user_args)
+        is_real_time = flags.fixed_fps is None
+        return bevy_command(
+            program, flags.user_args, is_headless=flags.headless, is_real_time=is_real_time
+        )
     kind = exported_with(program) or EngineKind.GODOT4
     arguments = (*_engine_flags(kind, flags), *_user_args(flags))
     if kind is EngineKind.GODOT3 and flags.headless:

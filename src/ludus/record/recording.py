@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
-from ludus.engine import Target, resolve_target
-from ludus.errors import ConfigError
-from ludus.pool import PoolConfig
+from ludus.engine import Target, TargetKind, resolve_target
+from ludus.engine.bevy_build import with_view
+from ludus.errors import ConfigError, TargetError
+from ludus.pool import PoolConfig, open_pool
 from ludus.pool.interface import Pool
 from ludus.record.film import Film, check_out
 from ludus.record.film_kinds import choose_rate
@@ -98,7 +99,7 @@ def record(config: RecordConfig) -> Recorded:
 
     Raises:
         ConfigError: Settings contradict each other, or cannot be had.
-        TargetError: The target cannot be run, or has no window.
+        TargetError: The target cannot be run, has no window, or gives no pictures.
         SetupError: A package, a screen or a renderer is missing.
         EngineError: The game failed.
         RunError: The film could not be written.
@@ -108,7 +109,10 @@ def record(config: RecordConfig) -> Recorded:
     check_out(config.out)
     if config.target.startswith("gym:"):
         return _record_gymnasium(config)
-    return _record_game(config)
+    target = resolve_target(with_view(config.target), scene=config.scene, godot=config.godot)
+    if target.kind is TargetKind.EXECUTABLE:
+        return _record_pictures(config, target)
+    return _record_game(config, target)
 
 
 def _with_run(config: RecordConfig) -> RecordConfig:
@@ -161,10 +165,17 @@ def _player(config: RecordConfig) -> Callable[[Pool], Act]:
     return lambda pool: file_player(pool, config.policy, config.seed, is_stochastic=samples)
 
 
-def _record_game(config: RecordConfig) -> Recorded:
+def _pool_config(config: RecordConfig) -> PoolConfig:
+    return PoolConfig(
+        ticks_per_step=config.ticks_per_step,
+        max_episode_steps=config.max_episode_steps,
+        godot=config.godot,
+    )
+
+
+def _record_game(config: RecordConfig, target: Target) -> Recorded:
     from ludus.record import game_film
 
-    target: Target = resolve_target(config.target, scene=config.scene, godot=config.godot)
     rate = game_film.game_rate(game_film.require_project(target))
     film_rate = choose_rate(check_out(config.out), rate, config.frames_per_second)
     ended: dict[str, int] = {}
@@ -179,14 +190,36 @@ def _record_game(config: RecordConfig) -> Recorded:
             seed=config.seed,
         )
         if config.policy or config.is_random:
-            settings = PoolConfig(
-                ticks_per_step=config.ticks_per_step,
-                max_episode_steps=config.max_episode_steps,
-                godot=config.godot,
-            )
-            ended = game_film.film_played(target, settings, _player(config), shot)
+            ended = game_film.film_played(target, _pool_config(config), _player(config), shot)
         else:
             game_film.film_alone(target, shot)
+    return Recorded(config.out, film.num_frames, film_rate, ended)
+
+
+def _record_pictures(config: RecordConfig, target: Target) -> Recorded:
+    from ludus.record import picture_film
+
+    if not (config.policy or config.is_random):
+        raise TargetError(
+            f"{target.name} is an exported game, which is filmed only while somebody plays it",
+            hint="use --policy or --random with a game made with Bevy; of one made with Godot, "
+            "film the project that it was exported from",
+        )
+    assert target.executable is not None, "it is an executable"
+    with open_pool(target.executable, _pool_config(config)) as pool:
+        rate = picture_film.picture_rate(pool)
+        film_rate = choose_rate(check_out(config.out), rate, config.frames_per_second)
+        with Film(config.out, film_rate, config.width) as film:
+            ended = picture_film.film_pictures(
+                pool,
+                _player(config),
+                film,
+                every=int(rate / film_rate),
+                num_frames=_frames(config.longest, film_rate),
+                num_skipped=round(config.start * film_rate),
+                num_episodes=config.num_episodes,
+                seed=config.seed,
+            )
     return Recorded(config.out, film.num_frames, film_rate, ended)
 
 

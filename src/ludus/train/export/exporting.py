@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ludus.disk import disk_errors, write_atomically
-from ludus.engine import EngineKind, InstalledEngine, find_engine, resolve_target
-from ludus.errors import EngineNotFound, TargetError
+from ludus.engine import EngineKind, InstalledEngine, Target, find_engine, resolve_target
+from ludus.engine.bevy_game import is_bevy_game
+from ludus.errors import EngineNotFound, SetupError, TargetError
 from ludus.model.json_file import write_model
 from ludus.model.policy_model import PolicyModel
 from ludus.train.config import TrainConfig
+from ludus.train.export.bevy_runtime import BevyGame
 from ludus.train.export.convert import to_model
 from ludus.train.export.godot_runtime import find_godot
 from ludus.train.export.parity import (
@@ -69,13 +71,14 @@ class Exported:
 def export_policies(config: ExportConfig) -> list[Exported]:
     """Write the policies of a run, all or none.
 
-    A ``.ludus.json`` is tested with NumPy and in Godot, an ``.onnx`` with ONNX Runtime; the other
-    runtimes are tested where they are installed.
+    A ``.ludus.json`` is tested with NumPy and in Godot, or in the Bevy game that was trained; an
+    ``.onnx`` with ONNX Runtime; the other runtimes are tested where they are installed.
 
     Raises:
         CheckpointError: There is no such run or checkpoint, or it is corrupt.
         ConfigError: There is no such policy, or no such format.
         EngineNotFound: There is no Godot to test with.
+        SetupError: The Bevy game to test with cannot be built.
         ParityError: A runtime computes something else than was trained; nothing is written.
         ModuleNotFoundError: ``onnx`` is not installed, and is needed.
     """
@@ -139,7 +142,9 @@ def _stage(one: TrainedPolicy, folder: Path, formats: set[str], is_tested: bool)
     return _Staged(model, PolicyFiles(json, onnx))
 
 
-def _test(one: TrainedPolicy, staged: _Staged, engine: InstalledEngine | None) -> ParityReport:
+def _test(
+    one: TrainedPolicy, staged: _Staged, engine: InstalledEngine | BevyGame | None
+) -> ParityReport:
     report = measure_parity(one.policy, staged.model, staged.files, engine, one.recorded)
     require_parity(report)
     return report
@@ -158,9 +163,25 @@ def _publish(staged: _Staged, place: Path) -> int:
 
 def _find_engine(
     formats: set[str], named: Path | None, trained: TrainConfig
-) -> InstalledEngine | None:
-    """Return the Godot to test with: the run's, or the one named; ONNX files can do without."""
-    kind, godot = _engine_kind(trained), named or trained.godot
+) -> InstalledEngine | BevyGame | None:
+    """Return the engine to test with: the run's, or the one named; ONNX files can do without."""
+    try:
+        target = _find_target(trained)
+    except SetupError as error:
+        if JSON not in formats:
+            return None
+        raise SetupError(
+            f"the exported policy cannot be tested in its game: {error.message}",
+            f"{error.hint}; or export without the test: --no-parity",
+        ) from error
+    program = None if target is None else target.executable
+    if named is None and program is not None and is_bevy_game(program):
+        return BevyGame(program)
+    kind = None if target is None else target.engine_kind
+    return _find_godot(formats, named or trained.godot, kind or EngineKind.GODOT4)
+
+
+def _find_godot(formats: set[str], godot: Path | None, kind: EngineKind) -> InstalledEngine | None:
     if JSON in formats or godot is not None:
         return find_godot(godot, kind)
     try:
@@ -169,10 +190,9 @@ def _find_engine(
         return None
 
 
-def _engine_kind(trained: TrainConfig) -> EngineKind:
-    """Return which Godot a run was trained in; 4 where that cannot be told any more."""
+def _find_target(trained: TrainConfig) -> Target | None:
+    """Return the game of a run; None where that cannot be told any more."""
     try:
-        kind = resolve_target(trained.target, scene=trained.scene).engine_kind
+        return resolve_target(trained.target, scene=trained.scene)
     except TargetError:
-        kind = None
-    return EngineKind.GODOT3 if kind is EngineKind.GODOT3 else EngineKind.GODOT4
+        return None

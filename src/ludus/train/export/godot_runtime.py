@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from ludus.engine import (
     EngineKind,
@@ -23,6 +18,7 @@ from ludus.engine.bundled import runnable_bundled_root
 from ludus.errors import EngineError, EngineNotFound, EngineTimeout
 from ludus.model.policy_model import PolicyModel
 from ludus.train.export.inputs import ParityInputs
+from ludus.train.export.parity_files import ANSWERS, read_answers, write_request
 from ludus.train.export.runtimes import Answers
 
 __all__ = ["answer_with_godot", "find_godot"]
@@ -30,7 +26,6 @@ __all__ = ["answer_with_godot", "find_godot"]
 SCRIPT = Path(__file__).with_name("parity.gd")
 SCRIPT3 = Path(__file__).with_name("parity3.gd")
 """The same for Godot 3."""
-REQUEST, INPUTS, ANSWERS = "request.json", "inputs.bin", "answers.bin"
 TIMEOUT_S = 120.0
 """How long Godot may take for all answers."""
 
@@ -73,30 +68,9 @@ def answer_with_godot(
     ensure_imported(engine, project)
     with tempfile.TemporaryDirectory(prefix="ludus-parity-") as name:
         folder = Path(name)
-        _write_request(folder, path, model, inputs)
+        write_request(folder, path, model, inputs)
         _run(engine, project.root, folder)
-        return _read_answers(folder / ANSWERS, model, inputs)
-
-
-def _write_request(folder: Path, path: Path, model: PolicyModel, inputs: ParityInputs) -> None:
-    request = {
-        "policy": str(path.resolve()),
-        "num_steps": inputs.num_steps,
-        "num_agents": inputs.num_agents,
-        "entries": [
-            {"name": entry.name, "dtype": entry.dtype, "size": entry.size}
-            for entry in model.observation
-        ],
-        "mask_size": model.spec.mask_size,
-    }
-    (folder / REQUEST).write_text(json.dumps(request), encoding="utf-8")
-    with (folder / INPUTS).open("wb") as file:
-        for step in range(inputs.num_steps):
-            observation, mask = inputs.at(step)
-            for entry in model.observation:
-                file.write(observation[entry.name].astype(entry.numpy_dtype).tobytes())
-            if mask is not None:
-                file.write(mask.astype(np.uint8).tobytes())
+        return read_answers(folder, model, inputs)
 
 
 def _run(engine: InstalledEngine, project: Path, folder: Path) -> None:
@@ -118,22 +92,3 @@ def _run(engine: InstalledEngine, project: Path, folder: Path) -> None:
             f"the exported policy does not run in Godot: {report}",
             "this is a defect; --no-parity exports without the test",
         )
-
-
-def _read_answers(path: Path, model: PolicyModel, inputs: ParityInputs) -> Answers:
-    spec, rows = model.spec, inputs.num_agents
-    parts: list[tuple[str, int]] = [
-        ("<f4", model.num_outputs),
-        ("<f4", spec.continuous_size),
-        ("<i8", spec.num_discrete),
-        ("<f4", spec.continuous_size),
-    ]
-    row = np.dtype([(f"part_{i}", dtype, (rows, size)) for i, (dtype, size) in enumerate(parts)])
-    data = path.read_bytes()
-    if len(data) != row.itemsize * inputs.num_steps:
-        raise EngineError(
-            f"Godot gave {len(data)} bytes of answers, expected {row.itemsize * inputs.num_steps}",
-            "the add-on may be of another version than ludus: install ludus again",
-        )
-    steps: NDArray[Any] = np.frombuffer(data, row)
-    return Answers(*(steps[f"part_{i}"] for i in range(len(parts))))

@@ -1,7 +1,8 @@
 """Does an exported policy compute what the trained one does? Ask every runtime.
 
-PyTorch runs the trained network; NumPy and GDScript (in a real headless Godot) run the
-``.ludus.json``, ONNX Runtime the ``.onnx``. All get the same observations.
+PyTorch runs the trained network; NumPy and the game engine (GDScript in a real headless Godot, or
+Rust in the Bevy game) run the ``.ludus.json``, ONNX Runtime the ``.onnx``. All get the same
+observations.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from ludus.engine import InstalledEngine
 from ludus.errors import ParityError
 from ludus.model.policy_model import PolicyModel
+from ludus.train.export.bevy_runtime import BevyGame, answer_with_bevy
 from ludus.train.export.compare import TOLERANCE, Comparison, compare
 from ludus.train.export.godot_runtime import answer_with_godot
 from ludus.train.export.inputs import draw_inputs
@@ -70,7 +72,7 @@ def measure_parity(
     policy: Policy,
     model: PolicyModel,
     files: PolicyFiles,
-    engine: InstalledEngine | None,
+    engine: InstalledEngine | BevyGame | None,
     recorded: Mapping[str, NDArray[Any]],
 ) -> ParityReport:
     """Ask every runtime and compare its answers with those of PyTorch.
@@ -79,18 +81,20 @@ def measure_parity(
         policy: The trained network.
         model: What was exported.
         files: Where.
-        engine: Godot; None leaves it out.
+        engine: Godot or a Bevy game; None leaves the engine out.
         recorded: Observations from the training, per entry ``dtype[n, *shape]``; may be empty.
 
     Raises:
-        EngineError: Godot failed.
+        EngineError: The engine failed.
     """
     inputs = draw_inputs(model, recorded)
     expected = answer_with_torch(policy, inputs)
     answers: dict[str, Answers] = {"NumPy": answer_with_numpy(files.json, inputs)}
     if files.onnx is not None:
         answers["ONNX Runtime"] = answer_with_onnx(files.onnx, inputs)
-    if engine is not None:
+    if isinstance(engine, BevyGame):
+        answers["Bevy"] = answer_with_bevy(engine, files.json, model, inputs)
+    elif engine is not None:
         name = f"Godot {'.'.join(map(str, engine.version))}"
         answers[name] = answer_with_godot(engine, files.json, model, inputs)
     num_recorded = inputs.num_recorded * inputs.num_steps

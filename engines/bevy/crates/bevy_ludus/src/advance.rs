@@ -108,6 +108,7 @@ fn set_up(world: &mut World, marked: Result<(), String>) {
 
 fn finish(world: &mut World, began: Instant) {
     let mut stage = world.resource_mut::<Stage>();
+    stage.clear_ended_rows();
     stage.write_active();
     stage.is_stepping = false;
     stage.bridge_time += began.elapsed();
@@ -117,6 +118,8 @@ fn observe_pass(world: &mut World, pass: Pass) {
     world.resource_mut::<Stage>().pass = pass;
     run(world, Observe);
     run(world, WriteRows);
+    #[cfg(feature = "camera")]
+    crate::camera::look(world);
 }
 
 /// Changes the state at once. Apps of isolated worlds always run.

@@ -62,9 +62,6 @@ fn keep_finals(stage: &mut Stage) {
         for slot in &stage.ended {
             stage.batch.keep_final(slot.policy, slot.index);
         }
-        for slot in stage.ended.clone() {
-            stage.clear_row(slot);
-        }
     }
 }
 

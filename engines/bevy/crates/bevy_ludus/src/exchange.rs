@@ -4,6 +4,7 @@ use crate::advance::{WorldReset, enter};
 use crate::ceiling::Ceiling;
 use crate::link::{CommandLine, LinkError, PendingLink, connect, greet};
 use crate::methods;
+use crate::pace::Pace;
 use crate::play;
 use crate::requests::{Requests, TrainingStatus};
 use crate::schedules::ControlState;
@@ -16,7 +17,7 @@ use crate::wire::{
 use bevy_app::AppExit;
 use bevy_ecs::prelude::*;
 use bevy_state::prelude::*;
-use bevy_time::{Real, Time, TimeUpdateStrategy, Virtual};
+use bevy_time::{Fixed, Real, Time, TimeUpdateStrategy, Virtual};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
@@ -62,9 +63,11 @@ fn start(world: &mut World) {
     let arguments = world
         .remove_resource::<PendingLink>()
         .map(|pending| pending.0);
-    let started = match arguments.filter(CommandLine::has_trainer) {
-        Some(arguments) => meet(world, &arguments),
-        None => play::start(world).map_err(|error| Failure::new(ErrorCode::Config, error, "")),
+    let arguments = arguments.unwrap_or_default();
+    let started = if arguments.has_trainer() {
+        meet(world, &arguments)
+    } else {
+        play::start(world, &arguments)
     };
     if let Err(failure) = started {
         complain(&failure);
@@ -106,6 +109,10 @@ fn meet(world: &mut World, arguments: &CommandLine) -> Result<(), Failure> {
         .resource_mut::<Time<Real>>()
         .update_with_duration(Duration::ZERO);
     world.init_resource::<IsolatedClock>();
+    if arguments.is_real_time {
+        let timestep = world.resource::<Time<Fixed>>().timestep();
+        world.insert_resource(Pace::new(timestep * trainer.ticks_per_step));
+    }
     world.insert_resource(trainer);
     Ok(())
 }
@@ -311,4 +318,9 @@ fn quit(world: &mut World, exit: AppExit) {
 #[allow(clippy::print_stderr)]
 fn complain(failure: &Failure) {
     eprintln!("ludus: {failure}");
+    if let Failure::Told(report) = failure
+        && !report.hint.is_empty()
+    {
+        eprintln!("hint: {}", report.hint);
+    }
 }

@@ -196,6 +196,8 @@ fn build_one(fill: &IsolatedBy, settings: &Settings, opening: Opening) -> Result
     }
     app.finish();
     app.cleanup();
+    #[cfg(feature = "camera")]
+    crate::camera::take_renderer(&mut app);
     let mut app = std::mem::take(app.main_mut());
     // Worlds run beside each other, so that nothing is gained by threads within one.
     run_on_one_thread(&mut app);

@@ -27,18 +27,26 @@ mod isolated;
 mod isolated_frames;
 mod methods;
 mod opening;
+mod pace;
 mod play;
 mod plugin;
+mod policy_player;
+mod policy_plugin;
 mod requests;
 mod roster;
 mod stage;
 mod systems;
 mod trainer;
 
+#[cfg(feature = "camera")]
+pub mod camera;
 pub mod components;
 pub mod link;
+pub mod model;
 pub mod policy;
 pub mod random;
+#[cfg(feature = "rest")]
+pub mod rest;
 pub mod schedules;
 pub mod space;
 pub mod wire;
@@ -46,6 +54,7 @@ pub mod world;
 
 pub use methods::{Arguments, MethodResult};
 pub use plugin::{LudusApp, LudusPlugin};
+pub use policy_plugin::{EpisodeEnded, LudusPolicyPlugin};
 pub use requests::{Mode, PolicyStatus, Requests, TrainingStatus};
 
 pub use link::LudusTcpPlugin;
@@ -58,7 +67,8 @@ pub mod prelude {
     pub use crate::schedules::{Act, ControlState, Judge, Observe, Reset};
     pub use crate::wire::{EpisodeMode, WorldLayout};
     pub use crate::world::{InWorld, LudusWorld};
-    pub use crate::{LudusApp, LudusPlugin, LudusTcpPlugin, Requests, TrainingStatus};
+    pub use crate::{EpisodeEnded, LudusApp, LudusPlugin, LudusPolicyPlugin, LudusTcpPlugin};
+    pub use crate::{Requests, TrainingStatus};
     // The derive macros share their names with the schedules; they live in another namespace.
     pub use bevy_ludus_derive::{Act, Observe};
 }

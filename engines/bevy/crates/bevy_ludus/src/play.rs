@@ -1,65 +1,152 @@
-//! A game without a trainer: one world that goes on by itself, in real time.
+//! A game without a trainer: one world that goes on by itself, played by trained policies, by the
+//! game or by people; in real time, or without a window as fast as it can.
 
 use crate::advance::{WorldReset, begin_next, judge, observe, reset_worlds, run};
+use crate::link::CommandLine;
 use crate::opening::{Opening, open};
+use crate::policy_player::PolicyPlayer;
+use crate::policy_plugin::PolicySources;
 use crate::schedules::Act;
 use crate::stage::{Settings, Stage};
-use crate::wire::{ResetAction, WorldLayout};
+use crate::systems::ReadActions;
+use crate::trainer::Failure;
+use crate::wire::{ErrorCode, ResetAction, WorldLayout};
+use bevy_app::AppExit;
 use bevy_ecs::prelude::*;
+use bevy_time::{Time, TimeUpdateStrategy, Virtual};
 use serde_json::Value;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 /// Marks an app that plays without a trainer.
 #[derive(Resource, Debug, Default)]
 pub(crate) struct Play {
     /// Of the step that runs; none before the first one.
     ticks_left: Option<u32>,
+    player: PolicyPlayer,
+    /// Which slots of a policy act, while the others read their actions.
+    kept_active: Vec<Vec<u8>>,
 }
 
 /// Spawns the one world and begins its first episode.
-pub(crate) fn start(world: &mut World) -> Result<(), String> {
+pub(crate) fn start(world: &mut World, arguments: &CommandLine) -> Result<(), Failure> {
+    let fail = |error: String| Failure::new(ErrorCode::Config, error, "");
+    let mut sources = world.remove_resource::<PolicySources>().unwrap_or_default();
+    sources.overlay(arguments);
     let layout = WorldLayout::Grid;
-    open(
-        world,
-        Opening {
-            num_worlds: 1,
-            first_world: 0,
-            layout,
-            max_episode_steps: None,
-            ticks_per_step: None,
-        },
-    )?;
-    let since = SystemTime::now().duration_since(UNIX_EPOCH);
-    let seed = since.map_or(0, |time| time.as_nanos() as u64);
+    let opening = Opening {
+        num_worlds: 1,
+        first_world: 0,
+        layout,
+        max_episode_steps: None,
+        ticks_per_step: None,
+    };
+    open(world, opening).map_err(fail)?;
+    let seed = sources.seed.unwrap_or_else(seed_of_clock);
+    let stage = world.resource::<Stage>();
+    let player = PolicyPlayer::open(&stage.spec, &sources, seed)?;
+    let kept_active = stage
+        .rosters
+        .iter()
+        .map(|roster| roster.active.clone())
+        .collect();
     let reset = WorldReset {
         action: ResetAction::Seed,
         seed,
         parameters: Value::Null,
     };
     reset_worlds(world, &[reset]);
-    world.resource_mut::<Stage>().is_encoding = false;
-    world.insert_resource(Play::default());
-    world
-        .resource_mut::<Stage>()
-        .error
-        .take()
-        .map_or(Ok(()), Err)
+    let mut stage = world.resource_mut::<Stage>();
+    stage.is_encoding = !player.is_idle();
+    let error = stage.error.take();
+    world.insert_resource(Play {
+        ticks_left: None,
+        player,
+        kept_active,
+    });
+    if arguments.is_headless && !arguments.is_real_time {
+        hurry(world);
+    }
+    error.map_or(Ok(()), |error| Err(fail(error)))
 }
 
-/// Runs at the beginning of every tick: every `ticks_per_step` ticks a step is over, and the game
-/// decides anew in the schedule `Act`.
+fn seed_of_clock() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH);
+    since.map_or(0, |time| time.as_nanos() as u64)
+}
+
+/// Lets every update of the app be a step, whatever the clock on the wall says.
+fn hurry(world: &mut World) {
+    let ticks = world.resource::<Settings>().ticks_per_step;
+    world
+        .resource_mut::<Time<Virtual>>()
+        .set_max_delta(Duration::MAX);
+    world.insert_resource(TimeUpdateStrategy::FixedTimesteps(ticks));
+}
+
+/// Runs at the beginning of every tick: every `ticks_per_step` ticks a step is over, and the agents
+/// decide anew.
 pub(crate) fn tick(world: &mut World) {
     let ticks = world.resource::<Settings>().ticks_per_step;
-    let mut play = world.resource_mut::<Play>();
-    let has_stepped = play.ticks_left == Some(0);
-    let left = play.ticks_left.filter(|left| *left > 0);
-    play.ticks_left = Some(left.unwrap_or(ticks) - 1);
-    if has_stepped {
-        judge(world);
-        observe(world);
-        begin_next(world);
+    world.resource_scope(|world, mut play: Mut<Play>| {
+        let has_stepped = play.ticks_left == Some(0);
+        let left = play.ticks_left.filter(|left| *left > 0);
+        play.ticks_left = Some(left.unwrap_or(ticks) - 1);
+        if has_stepped {
+            end_step(world, &mut play.player);
+        }
+        if left.is_none() {
+            decide(world, &mut play);
+            run(world, Act);
+        }
+    });
+}
+
+fn end_step(world: &mut World, player: &mut PolicyPlayer) {
+    judge(world);
+    observe(world);
+    let reported = world.resource_scope(|world, stage: Mut<Stage>| {
+        player.collect(&stage, |ended| {
+            world.write_message(ended);
+        })
+    });
+    if reported.is_err() {
+        world.write_message(AppExit::Success);
     }
-    if left.is_none() {
-        run(world, Act);
+    begin_next(world);
+    player.note_begun(world.resource::<Stage>());
+    if player.is_idle() {
+        return;
     }
+    if let Some(error) = world.resource_mut::<Stage>().error.take() {
+        complain(&error);
+        world.write_message(AppExit::error());
+    }
+}
+
+/// Hands agents that policies play their actions, and leaves all others theirs.
+fn decide(world: &mut World, play: &mut Play) {
+    if play.player.is_idle() {
+        return;
+    }
+    let mut stage = world.resource_mut::<Stage>();
+    play.player.act(&mut stage);
+    for (policy, kept) in play.kept_active.iter_mut().enumerate() {
+        if !play.player.plays(policy) {
+            let active = &mut stage.rosters[policy].active;
+            kept.copy_from_slice(active);
+            active.fill(0);
+        }
+    }
+    run(world, ReadActions);
+    let mut stage = world.resource_mut::<Stage>();
+    for (policy, kept) in play.kept_active.iter().enumerate() {
+        if !play.player.plays(policy) {
+            stage.rosters[policy].active.copy_from_slice(kept);
+        }
+    }
+}
+
+#[allow(clippy::print_stderr)]
+fn complain(error: &str) {
+    eprintln!("ludus: {error}");
 }

@@ -4,8 +4,10 @@ use crate::advance::{apply_actions, begin_next, judge, observe};
 use crate::exchange::exchange;
 use crate::isolated::IsolatedWorlds;
 use crate::methods::{Arguments, MethodResult, Methods};
+use crate::pace::{Pace, keep_pace};
 use crate::play::{Play, tick};
 use crate::policy::{Policies, Policy, PolicyEntry};
+use crate::policy_plugin::EpisodeEnded;
 use crate::requests::{Requests, TrainingStatus};
 use crate::schedules::{Act, ControlState, Exchange, Judge, Observe, Reset};
 use crate::stage::{Settings, Stage};
@@ -107,7 +109,14 @@ impl Plugin for LudusPlugin {
     fn build(&self, app: &mut App) {
         build_core(app, &self.settings);
         app.insert_resource(IsolatedWorlds::new(self.layout, self.isolated_by.clone()))
-            .add_systems(First, exchange.in_set(Exchange).before(TimeSystems))
+            .add_message::<EpisodeEnded>()
+            .add_systems(
+                First,
+                (keep_pace.run_if(resource_exists::<Pace>), exchange)
+                    .chain()
+                    .in_set(Exchange)
+                    .before(TimeSystems),
+            )
             .add_systems(FixedFirst, tick.run_if(resource_exists::<Play>));
     }
 
@@ -116,6 +125,11 @@ impl Plugin for LudusPlugin {
         if ComputeTaskPool::try_get().is_none_or(|pool| pool.thread_num() <= 1) {
             run_on_one_thread(app.main_mut());
         }
+    }
+
+    #[cfg(feature = "camera")]
+    fn cleanup(&self, app: &mut App) {
+        crate::camera::take_renderer(app);
     }
 }
 
@@ -146,6 +160,8 @@ pub(crate) fn build_core(app: &mut App, settings: &Settings) {
     make_single(app, WriteRows);
     app.add_systems(WriteRows, write_masks.run_if(has_masks));
     add_steps(app);
+    #[cfg(feature = "camera")]
+    app.add_ludus_method("picture", crate::camera::picture);
 }
 
 fn add_steps(app: &mut App) {

@@ -17,6 +17,8 @@ pub struct Policy {
     pub(crate) spare_slots: usize,
     pub(crate) has_action_mask: bool,
     pub(crate) settings: Map<String, Value>,
+    #[cfg(feature = "camera")]
+    pub(crate) cameras: Vec<(String, crate::camera::Picture)>,
 }
 
 impl Policy {
@@ -29,7 +31,26 @@ impl Policy {
             spare_slots: 0,
             has_action_mask: false,
             settings: Map::new(),
+            #[cfg(feature = "camera")]
+            cameras: Vec::new(),
         }
+    }
+
+    /// Adds an entry to the observation, after those of its struct: what each agent's
+    /// [`LudusCamera`](crate::camera::LudusCamera) of that name sees. A policy whose agents see
+    /// nothing else has the observation `()`.
+    #[cfg(feature = "camera")]
+    #[must_use]
+    pub fn camera(mut self, entry: impl Into<String>, picture: crate::camera::Picture) -> Self {
+        self.cameras.push((entry.into(), picture));
+        self
+    }
+
+    #[cfg(feature = "camera")]
+    fn with_camera_entries(&self, mut entries: Vec<ObservationEntry>) -> Vec<ObservationEntry> {
+        let cameras = self.cameras.iter();
+        entries.extend(cameras.map(|(name, picture)| picture.entry(name)));
+        entries
     }
 
     /// Cuts episodes off after so many steps.
@@ -73,9 +94,12 @@ pub(crate) struct PolicyEntry {
 
 impl PolicyEntry {
     pub fn new<O: Observe, A: Act>(policy: Policy) -> Self {
+        let observation = O::entries();
+        #[cfg(feature = "camera")]
+        let observation = policy.with_camera_entries(observation);
         Self {
             policy,
-            observation: O::entries(),
+            observation,
             action: A::components(),
             complete: complete::<O, A>,
         }

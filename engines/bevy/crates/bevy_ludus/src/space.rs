@@ -43,6 +43,17 @@ pub trait Observe: Send + Sync + 'static {
     fn write(&self, row: &mut RowWriter<'_>);
 }
 
+/// Nothing but what cameras see, or nothing at all.
+impl Observe for () {
+    fn entries() -> Vec<ObservationEntry> {
+        Vec::new()
+    }
+
+    fn zero() -> Self {}
+
+    fn write(&self, _row: &mut RowWriter<'_>) {}
+}
+
 /// What an agent decides: named choices and numbers.
 ///
 /// ```
@@ -196,6 +207,8 @@ impl<V: ObservationValue, const N: usize> ObservationValue for [V; N] {
 
     #[inline]
     fn write(&self, bytes: &mut [u8]) {
+        // A length that the compiler knows lets it write many numbers at once.
+        let bytes = &mut bytes[..Self::NUM_BYTES];
         for (value, part) in self.iter().zip(bytes.chunks_exact_mut(V::NUM_BYTES)) {
             value.write(part);
         }

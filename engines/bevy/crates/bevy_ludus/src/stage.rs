@@ -96,6 +96,16 @@ impl Stage {
         self.ended.clear();
     }
 
+    /// Sets the observations of slots to zeros whose episode has ended, and no other has begun.
+    pub fn clear_ended_rows(&mut self) {
+        for number in 0..self.ended.len() {
+            let slot = self.ended[number];
+            if self.rosters[slot.policy].active[slot.index] == 0 {
+                self.clear_row(slot);
+            }
+        }
+    }
+
     /// Sets the observation of a slot to zeros.
     pub fn clear_row(&mut self, slot: Slot) {
         let (layout, bytes, _) = self.batch.parts_mut();

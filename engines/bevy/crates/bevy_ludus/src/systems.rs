@@ -1,6 +1,6 @@
 //! The systems that carry rows between components and arrays.
 
-use crate::components::{Action, ActionMask, Agent, Observation, Slot};
+use crate::components::{Action, ActionMask, Agent, Episode, Observation, Slot};
 use crate::space::{Act, Observe, RowReader, RowWriter};
 use crate::stage::{Pass, Stage};
 use bevy_ecs::prelude::*;
@@ -24,39 +24,40 @@ pub(crate) fn read_actions<A: Act>(stage: Res<Stage>, mut agents: Query<(&Slot, 
     }
 }
 
+/// Writes rows table by table: agents of one kind lie side by side in memory.
 pub(crate) fn write_observations<O: Observe>(
     mut stage: ResMut<Stage>,
-    agents: Query<(&Slot, &Observation<O>)>,
+    agents: Query<(&Slot, &Observation<O>, &Episode)>,
 ) {
     if !stage.is_encoding {
         return;
     }
+    let Ok(tables) = agents.contiguous_iter() else {
+        debug_assert!(false, "components of agents lie in tables");
+        return;
+    };
     let Stage {
         batch,
         rosters,
         pass,
-        beginning,
         ..
     } = &mut *stage;
     let (layout, bytes, _) = batch.parts_mut();
-    let mut write = |slot: &Slot, observation: &Observation<O>| {
-        let entries = &layout.policies[slot.policy].entries;
-        observation
-            .0
-            .write(&mut RowWriter::new(bytes, entries, slot.index));
-    };
-    match pass {
-        Pass::All => {
-            for (slot, observation) in &agents {
-                if rosters[slot.policy].active[slot.index] == 1 {
-                    write(slot, observation);
-                }
-            }
-        }
-        Pass::Beginning => {
-            for (slot, observation) in agents.iter_many(beginning.iter()) {
-                write(slot, observation);
-            }
+    for (slots, observations, episodes) in tables {
+        let rows = slots.iter().zip(observations);
+        let mut write = |(slot, observation): (&Slot, &Observation<O>)| {
+            let entries = &layout.policies[slot.policy].entries;
+            let mut row = RowWriter::new(bytes, entries, slot.index);
+            observation.0.write(&mut row);
+        };
+        match pass {
+            Pass::All => rows
+                .filter(|(slot, _)| rosters[slot.policy].active[slot.index] == 1)
+                .for_each(&mut write),
+            Pass::Beginning => rows
+                .zip(episodes)
+                .filter(|(_, episode)| episode.is_beginning())
+                .for_each(|(row, _)| write(row)),
         }
     }
 }

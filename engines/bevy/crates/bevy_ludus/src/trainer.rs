@@ -120,11 +120,16 @@ impl Trainer {
                 let text = "the game cannot make an app for each world";
                 Failure::new(ErrorCode::Config, text, hint)
             })?;
-            Host::Isolated(Box::new(
-                IsolatedApps::open(fill, &settings, opening).map_err(fail)?,
-            ))
+            #[cfg_attr(not(feature = "camera"), allow(unused_mut))]
+            let mut apps = IsolatedApps::open(fill, &settings, opening).map_err(fail)?;
+            #[cfg(feature = "camera")]
+            apps.with_world(0, |world| crate::camera::check_renderer(world))
+                .unwrap_or(Ok(()))?;
+            Host::Isolated(Box::new(apps))
         } else {
             open(world, opening).map_err(fail)?;
+            #[cfg(feature = "camera")]
+            crate::camera::check_renderer(world)?;
             Host::Shared
         };
         Ok(Self {

@@ -27,6 +27,8 @@ const START_OFFSET: f32 = 1.0;
 const START_ANGLE: f32 = 0.05;
 /// What pulls the pole down if the trainer says nothing else, m/s².
 const GRAVITY: f32 = 3.7;
+/// Plays while no trainer is there.
+const TRAINED: &[u8] = include_bytes!("../cart.ludus.json");
 /// Carts that are worth a thread of their own.
 const MIN_CARTS_PER_THREAD: usize = 4096;
 
@@ -58,6 +60,7 @@ fn main() -> AppExit {
                 })
                 .layout(WorldLayout::Grid),
         )
+        .add_plugins(LudusPolicyPlugin::default().policy_bytes("cart", TRAINED))
         .add_plugins(LudusTcpPlugin::default())
         .run()
 }

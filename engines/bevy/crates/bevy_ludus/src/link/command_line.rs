@@ -1,7 +1,7 @@
 //! What the command line tells the plugin (PROTOCOL.md §10).
 
 use super::{Address, LinkError};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Where the trainer is, and how it is known.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -16,6 +16,18 @@ pub struct CommandLine {
     pub parent_pid: Option<u32>,
     /// Whether the game is only asked what it is.
     pub is_asked: bool,
+    /// Folder of a parity test that the game is only asked to answer.
+    pub parity: Option<PathBuf>,
+    /// Policy files that play while no trainer is there, by name of the policy.
+    pub policies: Vec<(String, PathBuf)>,
+    /// Whether those policies draw their actions.
+    pub is_sampling: bool,
+    /// Whether every episode that ends is told on the standard output.
+    pub has_report: bool,
+    /// Whether the game leaves out its window and, without a trainer, plays as fast as it can.
+    pub is_headless: bool,
+    /// Whether the game is played no faster than people watch it, even by a trainer.
+    pub is_real_time: bool,
 }
 
 impl CommandLine {
@@ -33,6 +45,12 @@ impl CommandLine {
                 "--ludus-listen" => read.listen_at = Some(value.parse()?),
                 "--ludus-token-file" => read.token = token(Path::new(value))?,
                 "--ludus-parent" => read.parent_pid = value.parse().ok(),
+                "--ludus-parity" => read.parity = Some(value.into()),
+                "--ludus-policy" => read.policies.push(policy(value)),
+                "--ludus-sample" => read.is_sampling = true,
+                "--ludus-report" => read.has_report = true,
+                "--ludus-headless" => read.is_headless = true,
+                "--ludus-real-time" => read.is_real_time = true,
                 _ => {}
             }
         }
@@ -44,6 +62,24 @@ impl CommandLine {
     pub fn has_trainer(&self) -> bool {
         !self.connect_to.is_empty() || self.listen_at.is_some()
     }
+
+    /// Returns whether the game should leave out its window.
+    #[must_use]
+    pub fn has_no_window(&self) -> bool {
+        self.is_headless || (self.has_trainer() && !self.is_real_time)
+    }
+
+    /// Returns whether time passes as fast as the machine can.
+    #[must_use]
+    pub fn is_uncapped(&self) -> bool {
+        (self.is_headless || self.has_trainer()) && !self.is_real_time
+    }
+}
+
+/// Splits NAME=PATH; a name without a path is a file that will not be found.
+fn policy(value: &str) -> (String, PathBuf) {
+    let (name, path) = value.split_once('=').unwrap_or((value, ""));
+    (name.to_owned(), path.into())
 }
 
 fn addresses(value: &str) -> Result<Vec<Address>, LinkError> {
@@ -79,6 +115,29 @@ mod tests {
         let names: Vec<_> = read.connect_to.iter().map(ToString::to_string).collect();
         assert_eq!(names, ["unix:/a", "tcp:[::1]:7"]);
         assert!(read.has_trainer());
+    }
+
+    #[test]
+    fn policies_and_pace_are_read() {
+        let arguments = [
+            "--ludus-policy=hero=/a=b/hero.ludus.json",
+            "--ludus-policy=cart",
+        ];
+        let alone = read(&arguments).unwrap();
+        let path = |text: &str| PathBuf::from(text);
+        let expected = [
+            ("hero".to_owned(), path("/a=b/hero.ludus.json")),
+            ("cart".to_owned(), path("")),
+        ];
+        assert_eq!(alone.policies, expected);
+        assert!(!alone.has_no_window() && !alone.is_uncapped());
+        let hurried = read(&["--ludus-headless", "--ludus-sample", "--ludus-report"]).unwrap();
+        assert!(hurried.has_no_window() && hurried.is_uncapped());
+        assert!(hurried.is_sampling && hurried.has_report);
+        let trained = ["--ludus-connect=unix:/a", "--ludus-real-time"];
+        assert!(read(&trained[..1]).unwrap().has_no_window());
+        let watched = read(&trained).unwrap();
+        assert!(!watched.has_no_window() && !watched.is_uncapped());
     }
 
     #[test]

@@ -8,7 +8,7 @@ mod tcp_plugin;
 
 pub use address::{Address, AddressError};
 pub use command_line::CommandLine;
-pub use tcp_plugin::{LudusTcpPlugin, is_trained};
+pub use tcp_plugin::{LudusTcpPlugin, is_headless, is_trained};
 
 pub(crate) use greeting::greet;
 pub(crate) use tcp_plugin::PendingLink;
@@ -163,9 +163,6 @@ impl Link {
         self.input.copy_within(self.frame_bytes..self.filled, 0);
         self.filled -= self.frame_bytes;
         self.frame_bytes = 0;
-        if self.filled == 0 {
-            self.spin_for_data()?;
-        }
         while self.filled == 0 {
             self.read_some(self.idle_timeout, self.idle_timeout)?;
         }
@@ -191,27 +188,22 @@ impl Link {
             .unwrap_or_default()
     }
 
-    /// Looks for data again and again for a while. Waking up costs tens of microseconds, where a
-    /// core is free for looking.
-    fn spin_for_data(&mut self) -> Result<(), LinkError> {
+    /// Looks for data again and again for a while and returns how many bytes have come; none if it
+    /// was in vain. Waking up costs tens of microseconds, where a core is free for looking.
+    fn spin_for_data(&mut self) -> io::Result<Option<usize>> {
         if self.spin.is_zero() {
-            return Ok(());
+            return Ok(None);
         }
         let end = Instant::now() + self.spin;
         self.stream.set_nonblocking(true)?;
         let mut result = Err(ErrorKind::WouldBlock.into());
         while Instant::now() < end && is_empty_handed(&result) {
-            result = self.stream.read(&mut self.input);
+            result = self.stream.read(&mut self.input[self.filled..]);
         }
         self.stream.set_nonblocking(false)?;
         match result {
-            Ok(0) => Err(LinkError::Closed),
-            Ok(count) => {
-                self.filled = count;
-                Ok(())
-            }
-            Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(()),
-            Err(error) => Err(error.into()),
+            Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(None),
+            result => result.map(Some),
         }
     }
 
@@ -229,8 +221,16 @@ impl Link {
         if left.is_zero() {
             return Err(LinkError::TimedOut(whole));
         }
-        self.stream.set_read_timeout(left)?;
-        match self.stream.read(&mut self.input[self.filled..]) {
+        // Also for the rest of a frame: its first part is seen before the last is written.
+        let count = match self.spin_for_data() {
+            Ok(None) => {
+                self.stream.set_read_timeout(left)?;
+                self.stream.read(&mut self.input[self.filled..])
+            }
+            Ok(Some(count)) => Ok(count),
+            Err(error) => Err(error),
+        };
+        match count {
             Ok(0) => Err(LinkError::Closed),
             Ok(count) => {
                 self.filled += count;

@@ -1,8 +1,10 @@
 //! The plugin that connects the app with a trainer.
 
 use super::{Address, CommandLine, LinkError};
+use crate::model::answer_parity;
 use bevy_app::{App, AppExit, Plugin, PluginsState};
 use bevy_ecs::prelude::*;
+use std::path::PathBuf;
 
 /// What a game answers to `--ludus-about`. `ludus train path/to/executable` looks for these bytes in
 /// the file, so that it knows how to start the game.
@@ -12,7 +14,8 @@ const SIGNATURE: &str = "This game is made with bevy_ludus and speaks the Ludus 
 /// (`--ludus-listen=…`).
 ///
 /// With a trainer it also takes over the app's runner: updates follow each other as fast as the
-/// trainer asks for them. Without one it does nothing.
+/// trainer asks for them; so does `--ludus-headless` without one, as fast as the machine can. Otherwise
+/// it does nothing.
 #[derive(Clone, Debug, Default)]
 pub struct LudusTcpPlugin {
     connect_to: Vec<Address>,
@@ -75,9 +78,13 @@ impl Plugin for LudusTcpPlugin {
     fn build(&self, app: &mut App) {
         match CommandLine::read(std::env::args().skip(1)) {
             Ok(read) if read.is_asked => tell(app),
+            Ok(CommandLine {
+                parity: Some(folder),
+                ..
+            }) => answer(app, folder),
             Ok(read) => {
                 let complete = self.complete(read);
-                if complete.has_trainer() && !self.has_own_runner {
+                if complete.is_uncapped() && !self.has_own_runner {
                     app.set_runner(run_uncapped);
                 }
                 app.insert_resource(PendingLink(complete));
@@ -96,7 +103,7 @@ fn refuse(app: &mut App, error: LinkError) {
 }
 
 #[allow(clippy::print_stderr)]
-fn complain(error: &LinkError) {
+fn complain(error: &dyn std::fmt::Display) {
     eprintln!("ludus: {error}");
 }
 
@@ -109,7 +116,25 @@ fn tell(app: &mut App) {
     });
 }
 
-/// Returns whether the command line names a trainer. A game may then leave out its window.
+/// Lets the app answer a parity test and end.
+fn answer(app: &mut App, folder: PathBuf) {
+    app.set_runner(move |_| match answer_parity(&folder) {
+        Ok(()) => AppExit::Success,
+        Err(error) => {
+            complain(&error);
+            AppExit::error()
+        }
+    });
+}
+
+/// Returns whether the command line asks for no window: a trainer plays the game as fast as it can,
+/// or `--ludus-headless` is there.
+#[must_use]
+pub fn is_headless() -> bool {
+    CommandLine::read(std::env::args().skip(1)).is_ok_and(|read| read.has_no_window())
+}
+
+/// Returns whether the command line names a trainer.
 #[must_use]
 pub fn is_trained() -> bool {
     CommandLine::read(std::env::args().skip(1)).is_ok_and(|read| read.has_trainer())

@@ -166,13 +166,28 @@ impl ActionFrame {
         self.payload[range].as_chunks_mut().0
     }
 
+    /// Returns whether all choices of slots that act are there to be chosen. Without a way out in
+    /// the middle, as it is always true but for mistakes.
+    fn has_only_alternatives(&self, actions: &PolicyActions, active: &[u8]) -> bool {
+        let (choices, _) = self.payload[actions.discrete()].as_chunks::<CHOICE_BYTES>();
+        let size = actions.choices.len().max(1);
+        let mut is_bad = false;
+        for (index, (_, n)) in actions.choices.iter().enumerate() {
+            for (row, active) in choices.chunks_exact(size).zip(active) {
+                // A negative choice is a huge one here.
+                is_bad |= (u64::from_le_bytes(row[index]) >= *n) & (*active == 1);
+            }
+        }
+        !is_bad
+    }
+
     /// Finds a choice that a slot does not have. `active` says of each slot whether it acts.
     ///
     /// # Errors
     /// There is one; the text names policy, slot and component.
     pub fn check_choices(&self, policy: usize, name: &str, active: &[u8]) -> Result<(), WireError> {
         let actions = &self.layout.policies[policy];
-        if actions.choices.is_empty() {
+        if self.has_only_alternatives(actions, active) {
             return Ok(());
         }
         for slot in (0..actions.num_agents).filter(|slot| active[*slot] == 1) {

@@ -194,8 +194,12 @@ impl FinalRows {
 
     fn append_to(&self, frame: &mut Vec<u8>) {
         frame.extend_from_slice(&(self.slots.len() as u64).to_le_bytes());
-        frame.extend(self.slots.iter().flat_map(|slot| slot.to_le_bytes()));
-        pad(frame);
+        let start = frame.len();
+        frame.resize(start + padded(self.slots.len() * 4), 0);
+        let (words, _) = frame[start..].as_chunks_mut::<4>();
+        for (word, slot) in words.iter_mut().zip(&self.slots) {
+            *word = slot.to_le_bytes();
+        }
         for entry in &self.entries {
             frame.extend_from_slice(entry);
             pad(frame);

@@ -22,6 +22,8 @@ pub enum ErrorCode {
     Timeout,
     /// The trainer trains another game.
     Busy,
+    /// The game has cameras, and nothing that draws.
+    Renderer,
     /// A mistake in Ludus.
     Internal,
 }

@@ -7,7 +7,7 @@ use super::{
 use std::collections::HashSet;
 
 /// Most worlds of an engine.
-pub const MAX_WORLDS: u64 = 4096;
+pub const MAX_WORLDS: u64 = 65_536;
 /// Most agents of a policy.
 pub const MAX_AGENTS: u64 = 65_536;
 /// Most policies.

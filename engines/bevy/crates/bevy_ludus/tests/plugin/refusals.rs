@@ -22,7 +22,7 @@ fn bad_settings_and_games_are_refused() {
     let build = |app: &mut App| Game::default().build(app);
     for (config, expected) in [
         (json!({"num_worlds": 0}), "num_worlds is 0"),
-        (json!({"num_worlds": 4097}), "4096"),
+        (json!({"num_worlds": 65_537}), "65536"),
         (json!({"num_worlds": "many"}), "whole number"),
         (json!({"layout": "heap"}), "heap"),
         (json!({"layout": "isolated"}), "cannot make an app"),

@@ -118,8 +118,19 @@ proptest! {
         let is_right = payload.len() == frame.layout().num_bytes;
         prop_assert_eq!(frame.decode(&payload).is_ok(), is_right);
         for (index, policy) in spec.policies.iter().enumerate() {
-            let active = vec![1; policy.num_agents as usize];
-            if let Err(error) = frame.check_choices(index, &policy.name, &active) {
+            let num_agents = policy.num_agents as usize;
+            let active: Vec<_> = (0..num_agents).map(|slot| u8::from(slot % 2 == 0)).collect();
+            let choices = &frame.layout().policies[index].choices;
+            let is_wrong = (0..num_agents).step_by(2).any(|slot| {
+                let row = frame.row(index, slot);
+                let is_one = |(number, (_, n)): (usize, &(String, u64))| {
+                    (0..*n as i64).contains(&row.choice(number))
+                };
+                !choices.iter().enumerate().all(is_one)
+            });
+            let checked = frame.check_choices(index, &policy.name, &active);
+            prop_assert_eq!(checked.is_err(), is_wrong);
+            if let Err(error) = checked {
                 let is_malformed = matches!(error, WireError::Malformed { .. });
                 prop_assert!(is_malformed);
             }
@@ -191,7 +202,7 @@ fn refusal(pointer: &str, value: Value) -> String {
 #[test]
 fn a_spec_keeps_every_rule() {
     let broken = [
-        ("/num_worlds", json!(4097), "num_worlds"),
+        ("/num_worlds", json!(65_537), "num_worlds"),
         ("/num_worlds", json!(1), "worlds"),
         ("/ticks_per_step", json!(0), "ticks_per_step"),
         ("/ticks_per_step", json!(1.5), "whole number"),

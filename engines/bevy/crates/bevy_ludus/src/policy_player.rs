@@ -1,0 +1,215 @@
+//! Agents that trained policies play, while no trainer is there (POLICY.md §5).
+
+use crate::model::{ActionHead, PolicyModel, PolicyNetwork};
+use crate::policy_plugin::{EpisodeEnded, PolicySources};
+use crate::random::RandomStream;
+use crate::stage::Stage;
+use crate::trainer::Failure;
+use crate::wire::{ErrorCode, PolicySpec, Spec};
+use std::io::Write;
+
+/// All policies that are played from files.
+#[derive(Debug, Default)]
+pub(crate) struct PolicyPlayer {
+    played: Vec<PlayedPolicy>,
+    has_report: bool,
+}
+
+impl PolicyPlayer {
+    /// Reads the policies of a game and fits them to its agents.
+    pub fn open(spec: &Spec, sources: &PolicySources, seed: u64) -> Result<Self, Failure> {
+        let mut played = Vec::new();
+        for (name, place, model) in sources.load() {
+            let fail = |what: String, hint: &str| {
+                let text = format!("policy {name}: {what}");
+                Failure::new(ErrorCode::Config, text, hint)
+            };
+            let Some(index) = spec.policies.iter().position(|own| own.name == name) else {
+                let known: Vec<_> = spec.policies.iter().map(|own| own.name.as_str()).collect();
+                let text = format!("the game has no such policy; it has: {}", known.join(", "));
+                return Err(fail(text, "name one of the game's policies"));
+            };
+            let agents = &spec.policies[index];
+            let fitted = model.and_then(|model| model.fit(agents).map(|entries| (model, entries)));
+            let (model, entries) =
+                fitted.map_err(|error| fail(format!("{place}: {error}"), error.hint()))?;
+            let mut one = PlayedPolicy::new(&model, entries, index, agents);
+            if sources.is_sampling {
+                one.random = Some(RandomStream::of_episode(seed, index as u64));
+            }
+            played.push(one);
+        }
+        Ok(Self {
+            played,
+            has_report: sources.has_report,
+        })
+    }
+
+    /// Returns whether the game, or a person, plays all agents.
+    pub fn is_idle(&self) -> bool {
+        self.played.is_empty()
+    }
+
+    /// Returns whether a policy plays from a file.
+    pub fn plays(&self, policy: usize) -> bool {
+        self.played.iter().any(|played| played.policy == policy)
+    }
+
+    /// Lets all agents that play decide on what they see now.
+    pub fn act(&mut self, stage: &mut Stage) {
+        for played in &mut self.played {
+            played.act(stage);
+        }
+    }
+
+    /// Takes in what a step has brought, and passes on which episodes have ended.
+    ///
+    /// # Errors
+    /// Whoever reads the report has gone.
+    pub fn collect(
+        &mut self,
+        stage: &Stage,
+        mut tell: impl FnMut(EpisodeEnded),
+    ) -> std::io::Result<()> {
+        let mut reported = Ok(());
+        for played in &mut self.played {
+            played.collect(stage, |ended| {
+                if self.has_report && reported.is_ok() {
+                    reported = report(&ended);
+                }
+                tell(ended);
+            });
+        }
+        reported
+    }
+
+    /// Empties the memory of agents whose episode has begun.
+    pub fn note_begun(&mut self, stage: &Stage) {
+        for played in &mut self.played {
+            played.note_begun(stage);
+        }
+    }
+}
+
+/// The agents of one policy.
+#[derive(Debug)]
+struct PlayedPolicy {
+    name: String,
+    /// Index in the spec.
+    policy: usize,
+    /// Of every entry of the policy: the index of the agents' one.
+    entries: Vec<usize>,
+    network: PolicyNetwork,
+    head: ActionHead,
+    /// Draws actions; none takes the most probable ones.
+    random: Option<RandomStream>,
+    memory: Vec<f32>,
+    /// Slots that act in this step.
+    slots: Vec<usize>,
+    is_playing: Vec<bool>,
+    returns: Vec<f64>,
+    num_steps: Vec<u32>,
+    choices: Vec<i64>,
+    numbers: Vec<f32>,
+}
+
+impl PlayedPolicy {
+    fn new(model: &PolicyModel, entries: Vec<usize>, policy: usize, agents: &PolicySpec) -> Self {
+        let num_agents = agents.num_agents as usize;
+        let (network, head) = (PolicyNetwork::new(model), ActionHead::new(model));
+        Self {
+            name: agents.name.clone(),
+            policy,
+            entries,
+            random: None,
+            memory: vec![0.0; network.memory_size() * num_agents],
+            slots: Vec::with_capacity(num_agents),
+            is_playing: vec![false; num_agents],
+            returns: vec![0.0; num_agents],
+            num_steps: vec![0; num_agents],
+            choices: vec![0; head.num_choices()],
+            numbers: vec![0.0; head.num_numbers()],
+            network,
+            head,
+        }
+    }
+
+    fn act(&mut self, stage: &mut Stage) {
+        let Stage {
+            batch,
+            actions,
+            rosters,
+            ..
+        } = stage;
+        self.slots.clear();
+        let active = rosters[self.policy].active.iter().enumerate();
+        self.slots.extend(
+            active
+                .filter(|(_, active)| **active == 1)
+                .map(|(slot, _)| slot),
+        );
+        let arrays = &batch.layout().policies[self.policy];
+        let bytes = batch.bytes();
+        let row = |entry: usize, slot: usize| {
+            let own: usize = self.entries[entry];
+            &bytes[arrays.entries[own].row(slot)]
+        };
+        let outputs = self.network.run(row, &self.slots, &mut self.memory);
+        let width = outputs.len() / self.slots.len().max(1);
+        for (number, slot) in self.slots.iter().enumerate() {
+            let outputs = &outputs[number * width..(number + 1) * width];
+            let mask = &bytes[arrays.mask.row(*slot)];
+            let random = self.random.as_mut();
+            let (choices, numbers) = (&mut self.choices, &mut self.numbers);
+            self.head.choose(outputs, mask, random, choices, numbers);
+            let target = &mut actions.discrete_mut(self.policy)[slot * choices.len()..];
+            for (bytes, choice) in target.iter_mut().zip(choices) {
+                *bytes = choice.to_le_bytes();
+            }
+            let target = &mut actions.continuous_mut(self.policy)[slot * numbers.len()..];
+            for (bytes, number) in target.iter_mut().zip(numbers) {
+                *bytes = number.to_le_bytes();
+            }
+        }
+    }
+
+    fn collect(&mut self, stage: &Stage, mut tell: impl FnMut(EpisodeEnded)) {
+        let rewards = stage.batch.layout().policies[self.policy].reward;
+        let roster = &stage.rosters[self.policy];
+        self.is_playing.fill(false);
+        for slot in self.slots.iter().copied() {
+            let bytes = stage.batch.bytes()[rewards.row(slot)].first_chunk();
+            let reward = bytes.map_or(0.0, |bytes| f32::from_le_bytes(*bytes));
+            self.returns[slot] += f64::from(reward);
+            self.num_steps[slot] += 1;
+            self.is_playing[slot] = roster.active[slot] == 1;
+            if !self.is_playing[slot] {
+                tell(EpisodeEnded {
+                    policy: self.name.clone(),
+                    agent: roster.agents[slot],
+                    episode_return: self.returns[slot],
+                    num_steps: self.num_steps[slot],
+                });
+            }
+        }
+    }
+
+    fn note_begun(&mut self, stage: &Stage) {
+        let size = self.network.memory_size();
+        for (slot, active) in stage.rosters[self.policy].active.iter().enumerate() {
+            if *active == 1 && !self.is_playing[slot] {
+                self.memory[slot * size..(slot + 1) * size].fill(0.0);
+                self.returns[slot] = 0.0;
+                self.num_steps[slot] = 0;
+            }
+        }
+    }
+}
+
+/// Tells of an episode as POLICY.md §5 says.
+fn report(ended: &EpisodeEnded) -> std::io::Result<()> {
+    let line = serde_json::json!({
+        "policy": ended.policy, "return": ended.episode_return, "length": ended.num_steps,
+    });
+    writeln!(std::io::stdout(), "ludus-episode {line}")
+}

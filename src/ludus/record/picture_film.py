@@ -1,0 +1,104 @@
+"""Film a game that gives pictures of its worlds when asked: one made with Bevy."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import contextlib
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any, cast
+
+import numpy as np
+
+from ludus.errors import GameError, TargetError
+from ludus.pool import EnginePool
+from ludus.pool.interface import Pool
+from ludus.record.film import Film, Frame
+from ludus.record.players import Act
+from ludus.record.playing import Play
+
+__all__ = ["film_pictures", "picture_rate", "take_picture"]
+
+METHOD = "picture"
+"""What is called on a world; ``LudusFilmCamera`` answers it."""
+
+
+def picture_rate(pool: Pool) -> Fraction:
+    """Return how many pictures a second of game time has: one for each step."""
+    ticks = Fraction(pool.spec.tick_rate).limit_denominator(1000)
+    return ticks / pool.spec.ticks_per_step
+
+
+def film_pictures(
+    pool: EnginePool,
+    player: Callable[[Pool], Act],
+    film: Film,
+    *,
+    every: int,
+    num_frames: int,
+    num_skipped: int,
+    num_episodes: int | None,
+    seed: int,
+) -> dict[str, int]:
+    """Film a world; return how many episodes of each policy have ended.
+
+    Args:
+        pool: Of one engine; its first world is filmed.
+        player: From the pool to the way to act in it.
+        film: Gets the first state, and the state after each step.
+        every: Steps for one frame of the film.
+        num_frames: Longest film, frames.
+        num_skipped: Frames of the film left out at the beginning.
+        num_episodes: End after so many of every policy; None: never.
+        seed: Of the world.
+
+    Raises:
+        TargetError: The game gives no pictures.
+        EngineError: The game failed.
+        RunError: The film could not be written.
+    """
+    play = Play(pool, player(pool), seed)
+    num_steps = 0
+
+    def shoot() -> bool:
+        nonlocal num_steps
+        if num_steps >= num_skipped * every and num_steps % every == 0:
+            film.add(take_picture(pool))
+        num_steps += 1
+        return film.num_frames >= num_frames
+
+    play.run(num_episodes, shoot)
+    return dict(play.num_episodes)
+
+
+def take_picture(pool: EnginePool, world: int = 0) -> Frame:
+    """Take a picture of a world: what its film cameras see, beside each other.
+
+    Raises:
+        TargetError: The game gives no pictures.
+        EngineError: The game failed.
+    """
+    try:
+        answer = pool.call({"world": world}, METHOD)[0]
+    except GameError as error:
+        raise TargetError(
+            f"the game gives no pictures: {error.message}",
+            hint="films of a Bevy game need its feature camera and a LudusFilmCamera in each world "
+            "(docs/cameras.md); of a Godot game, film the project",
+        ) from error
+    pictures = cast("list[Any]", answer) if isinstance(answer, list) else [answer]
+    frames = [_decode(picture) for picture in pictures]
+    height = min(frame.shape[0] for frame in frames)
+    return np.concatenate([frame[:height] for frame in frames], axis=1)
+
+
+def _decode(picture: Any) -> Frame:
+    with contextlib.suppress(KeyError, TypeError, ValueError, binascii.Error):
+        height, width = picture["height"], picture["width"]
+        pixels = np.frombuffer(base64.b64decode(picture["rgb"], validate=True), np.uint8)
+        return pixels.reshape(height, width, 3)
+    raise TargetError(
+        f"the game's method {METHOD} returned no picture, but {str(picture)[:80]}",
+        hint="it must return objects with width, height and rgb, base64 of 3 bytes a pixel",
+    )
