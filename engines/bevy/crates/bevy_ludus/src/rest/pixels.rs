@@ -1,0 +1,185 @@
+//! Pictures for clients: what the cameras of all agents see, side by side in one PNG.
+//!
+//! A picture is drawn when a client asks for it, by the renderer that draws the game anyway; the game
+//! stands still meanwhile.
+
+use super::error::Refusal;
+use super::export::read;
+use super::settings::AIGymSettings;
+use super::state::AIGymState;
+use crate::camera::{Readback, Source};
+use bevy_app::App;
+use bevy_asset::{AssetId, Assets};
+use bevy_ecs::prelude::*;
+use bevy_image::Image;
+use bevy_render::render_resource::{PipelineCache, TextureFormat, TextureUsages};
+use bevy_render::{Render, RenderApp, RenderSystems};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// How long to wait for shaders that are still being compiled. Some belong to parts of Bevy that the
+/// game has not, and are never ready.
+const SHADER_PATIENCE: Duration = Duration::from_secs(2);
+const FORMAT: TextureFormat = TextureFormat::Rgba8UnormSrgb;
+
+/// What the game, its renderer and the server share of pictures.
+#[derive(Clone, Resource)]
+pub(super) struct Pictures(Arc<Mutex<Order>>);
+
+/// An order for a picture, and what has come of it.
+struct Order {
+    width: u32,
+    height: u32,
+    targets: Vec<AssetId<Image>>,
+    wanted_since: Option<Instant>,
+    taken: Option<Result<Vec<u8>, String>>,
+    has_waited: bool,
+    readback: Readback,
+}
+
+impl Pictures {
+    fn order(&self) -> MutexGuard<'_, Order> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Has a picture drawn.
+    pub fn want(&self) {
+        let mut order = self.order();
+        order.taken = None;
+        order.wanted_since = Some(Instant::now());
+    }
+
+    /// Returns whether the picture that was wanted is there.
+    pub fn is_taken(&self) -> bool {
+        self.order().taken.is_some()
+    }
+
+    /// Returns the picture as a PNG.
+    ///
+    /// # Errors
+    /// The renderer has failed.
+    pub fn png(&self) -> Result<Vec<u8>, Refusal> {
+        let mut order = self.order();
+        let (width, height) = (order.width, order.height);
+        let num_agents = order.targets.len() as u32;
+        let taken = order
+            .taken
+            .take()
+            .unwrap_or_else(|| Err("no picture was drawn".into()));
+        drop(order);
+        taken
+            .and_then(|pixels| encode(&pixels, width * num_agents, height))
+            .map_err(Refusal::game)
+    }
+}
+
+/// Makes one target per agent for the game's cameras, before its startup systems run.
+pub(super) fn make_targets<A, B>(
+    gym: Res<AIGymState<A, B>>,
+    images: Option<ResMut<Assets<Image>>>,
+    pictures: Option<Res<Pictures>>,
+) where
+    A: 'static + Send + Sync + Clone,
+    B: 'static + Send + Sync + Clone,
+{
+    let Some(mut images) = images else { return };
+    let mut gym = read(&gym);
+    let AIGymSettings {
+        width,
+        height,
+        num_agents,
+        ..
+    } = gym.settings;
+    for _ in 0..num_agents {
+        let mut image = Image::new_target_texture(width.max(1), height.max(1), FORMAT, None);
+        image.texture_descriptor.usage |= TextureUsages::COPY_SRC;
+        gym.render_image_handles.push(images.add(image));
+    }
+    if let Some(pictures) = pictures {
+        pictures.order().targets = gym.render_image_handles.iter().map(|it| it.id()).collect();
+    }
+}
+
+/// Lets the renderer of an app take pictures, if it has one and they are wanted.
+pub(super) fn add_pictures(app: &mut App, settings: &AIGymSettings) {
+    if !settings.render_to_buffer {
+        return;
+    }
+    let order = Order {
+        width: settings.width.max(1),
+        height: settings.height.max(1),
+        targets: Vec::new(),
+        wanted_since: None,
+        taken: None,
+        has_waited: false,
+        readback: Readback::default(),
+    };
+    let pictures = Pictures(Arc::new(Mutex::new(order)));
+    if let Some(renderer) = app.get_sub_app_mut(RenderApp) {
+        renderer
+            .insert_resource(pictures.clone())
+            .add_systems(Render, take.in_set(RenderSystems::Cleanup));
+        app.insert_resource(pictures);
+    }
+}
+
+/// In the renderer, after it has drawn: takes the picture that is wanted.
+fn take(renderer: &World) {
+    let mut order = renderer.resource::<Pictures>().order();
+    let Some(since) = order.wanted_since else {
+        return;
+    };
+    let is_patient = !order.has_waited && since.elapsed() < SHADER_PATIENCE;
+    let cache = renderer.resource::<PipelineCache>();
+    if is_patient && cache.waiting_pipelines().next().is_some() {
+        return;
+    }
+    let result = order.read(renderer);
+    if is_patient && result.is_err() {
+        // Its target may be new.
+        return;
+    }
+    order.has_waited |= !is_patient;
+    order.wanted_since = None;
+    order.taken = Some(result);
+}
+
+impl Order {
+    /// Reads the pictures of all agents into one, who stand from left to right.
+    fn read(&mut self, renderer: &World) -> Result<Vec<u8>, String> {
+        let (width, height) = (self.width, self.height);
+        let source = |image: &AssetId<Image>| Source {
+            image: *image,
+            width,
+            height,
+        };
+        let sources: Vec<_> = self.targets.iter().map(source).collect();
+        let line = width as usize * 4;
+        let mut pixels = vec![0; line * sources.len() * height as usize];
+        self.readback.read(renderer, &sources, |bytes| {
+            let mut pictures = bytes;
+            for (agent, source) in sources.iter().enumerate() {
+                let (picture, rest) = pictures.split_at(source.num_bytes());
+                pictures = rest;
+                for (row, from) in picture.chunks_exact(source.stride()).enumerate() {
+                    let start = (row * sources.len() + agent) * line;
+                    pixels[start..start + line].copy_from_slice(&from[..line]);
+                }
+            }
+        })?;
+        Ok(pixels)
+    }
+}
+
+fn encode(pixels: &[u8], width: u32, height: u32) -> Result<Vec<u8>, String> {
+    let mut png = Vec::new();
+    let mut encoder = png::Encoder::new(&mut png, width, height);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::Fast);
+    let written = encoder
+        .write_header()
+        .and_then(|mut writer| writer.write_image_data(pixels));
+    written.map_err(|error| format!("the picture is no PNG: {error}"))?;
+    Ok(png)
+}

@@ -1,0 +1,72 @@
+//! Who lets the connections move on: the game while it waits for them, else a thread of the server.
+//!
+//! A request that is handed from thread to thread costs two more wake-ups, which take longer than
+//! the step of a small game. So the game takes the seat of the server's thread for as long as it
+//! waits. The thread looks in from time to time, and sits down when the game stays away.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
+use std::thread::Thread;
+use std::time::Duration;
+use tokio::runtime::Runtime;
+use tokio::sync::Notify;
+
+/// How often the thread of the server looks whether the game still comes to the seat.
+const LOOK_IN: Duration = Duration::from_millis(10);
+
+/// Of the one seat from which connections are served.
+#[derive(Debug, Default)]
+pub(super) struct Seat {
+    /// Comings and goings of the game: odd while it is here.
+    visits: AtomicU64,
+    is_taken_by_server: AtomicBool,
+    is_closing: AtomicBool,
+    called: Notify,
+}
+
+impl Seat {
+    /// Serves connections on the thread of the game until a future is done.
+    ///
+    /// Must not be called from within an asynchronous runtime.
+    pub fn sit_until(&self, runtime: &Runtime, limit: Duration, done: impl Future<Output = ()>) {
+        self.visits.fetch_add(1, SeqCst);
+        if self.is_taken_by_server.load(SeqCst) {
+            self.called.notify_one();
+        }
+        let _ = runtime.block_on(async { tokio::time::timeout(limit, done).await });
+        self.visits.fetch_add(1, SeqCst);
+    }
+
+    /// Serves connections on the thread of the server whenever the game does not, until the end.
+    pub fn keep(&self, runtime: &Arc<Runtime>) {
+        while !self.is_closing.load(SeqCst) {
+            self.is_taken_by_server.store(true, SeqCst);
+            if self.visits.load(SeqCst).is_multiple_of(2) {
+                runtime.block_on(self.called.notified());
+            }
+            self.is_taken_by_server.store(false, SeqCst);
+            self.watch();
+        }
+    }
+
+    /// Returns when the game has not come for a while, or at the end.
+    fn watch(&self) {
+        let mut seen = self.visits.load(SeqCst);
+        loop {
+            std::thread::park_timeout(LOOK_IN);
+            let now = self.visits.load(SeqCst);
+            let is_here = !now.is_multiple_of(2);
+            if self.is_closing.load(SeqCst) || (now == seen && !is_here) {
+                return;
+            }
+            seen = now;
+        }
+    }
+
+    /// Lets [`Seat::keep`] return.
+    pub fn close(&self, keeper: &Thread) {
+        self.is_closing.store(true, SeqCst);
+        self.called.notify_one();
+        keeper.unpark();
+    }
+}

@@ -1,0 +1,1 @@
+"""Drives programs that speak the REST interface of bevy_rl."""
