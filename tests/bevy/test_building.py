@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -38,7 +39,10 @@ def test_unknown_examples_are_told_of_known_ones() -> None:
 
 def test_executables_are_recognised(executable: Path, tmp_path: Path) -> None:
     assert is_bevy_game(executable)
-    assert executable_command(executable, FLAGS) == (str(executable), "--ludus-connect=unix:/a")
+    command = (str(executable), "--ludus-connect=unix:/a")
+    assert executable_command(executable, FLAGS) == (*command, "--ludus-headless")
+    watched = replace(FLAGS, headless=False, fixed_fps=None)
+    assert executable_command(executable, watched) == (*command, "--ludus-real-time")
     other = Path(sys.executable)
     assert not is_bevy_game(other)
     assert "--headless" in executable_command(other, FLAGS)

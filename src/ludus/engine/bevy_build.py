@@ -1,4 +1,7 @@
-"""The Bevy examples that come with Ludus, built by Cargo."""
+"""The Bevy examples that come with Ludus, built by Cargo.
+
+``bevy:NAME`` is an example, ``bevy:NAME+FEATURE`` the same built with one of its Cargo features.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +9,29 @@ import json
 import os
 import shutil
 import subprocess
+import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from ludus.engine.bundled import bevy_workspace, package_version
 from ludus.engine.cache import require_cache_root
-from ludus.errors import SetupError
+from ludus.errors import SetupError, TargetError
 
-__all__ = ["PREFIX", "bevy_example_names", "build_bevy_example", "find_bevy_example"]
+__all__ = [
+    "PREFIX",
+    "bevy_example_features",
+    "bevy_example_names",
+    "build_bevy_example",
+    "find_bevy_example",
+    "with_view",
+]
 
 PREFIX = "bevy:"
+FEATURE_MARK = "+"
+VIEW = "view"
+"""Feature of examples that draw only where somebody wants to see them."""
+
 _BUILD_TIMEOUT_S = 3600.0
 
 
@@ -30,14 +45,48 @@ def bevy_example_names() -> list[str]:
 
 
 def find_bevy_example(text: str) -> str | None:
-    """Return the name of the example that ``bevy:NAME`` means, or None."""
-    return text.removeprefix(PREFIX) if text in bevy_example_names() else None
+    """Return what follows ``bevy:``, the name and perhaps features, if it means an example.
+
+    Raises:
+        TargetError: The example has no such feature.
+    """
+    example, *features = text.split(FEATURE_MARK)
+    if example not in bevy_example_names():
+        return None
+    name = example.removeprefix(PREFIX)
+    known = bevy_example_features(name)
+    for feature in features:
+        if feature not in known:
+            raise TargetError(
+                f"{example} has no feature {feature!r}",
+                hint=f"it has {', '.join(known) or 'none'}",
+            )
+    return text.removeprefix(PREFIX)
+
+
+def bevy_example_features(name: str) -> list[str]:
+    """List the Cargo features of an example."""
+    root = bevy_workspace()
+    assert root is not None, "the example was found"
+    manifest = tomllib.loads((root / "examples" / name / "Cargo.toml").read_text("utf-8"))
+    return sorted(manifest.get("features", {}))
+
+
+def with_view(target: str) -> str:
+    """Add the feature ``view`` to an example that has it; return other targets as they are."""
+    if FEATURE_MARK in target or find_bevy_example(target) is None:
+        return target
+    has_view = VIEW in bevy_example_features(target.removeprefix(PREFIX))
+    return f"{target}{FEATURE_MARK}{VIEW}" if has_view else target
 
 
 def build_bevy_example(name: str) -> Path:
     """Build an example, optimised, and return its executable.
 
     What is built already is not built again. Cargo tells on stderr how it gets on.
+
+    Args:
+        name: Of the example; with ``+FEATURE`` after it also features.
 
     Raises:
         SetupError: There is no Cargo, or the example cannot be built.
@@ -50,12 +99,23 @@ def build_bevy_example(name: str) -> Path:
             f"building {PREFIX}{name} needs Cargo, and there is none on PATH",
             hint="install Rust from https://rustup.rs",
         )
-    command = [cargo, "build", "--release", "--locked", "--package", name]
+    package, *features = name.split(FEATURE_MARK)
+    command = [cargo, "build", "--release", "--locked", "--package", package]
+    command += ["--features", ",".join(features)] if features else []
     result = _run([*command, "--message-format", "json-render-diagnostics"], root, name)
-    executable = _executable_of(name, result.stdout.splitlines())
+    executable = _executable_of(package, result.stdout.splitlines())
     if executable is None:
         raise SetupError(f"Cargo built {PREFIX}{name}, but names no executable")
-    return executable
+    return _kept(executable, executable.with_stem(name)) if features else executable
+
+
+def _kept(built: Path, kept: Path) -> Path:
+    """Copy an executable, as Cargo gives it the same name whatever its features are."""
+    if not kept.exists() or kept.stat().st_mtime_ns != built.stat().st_mtime_ns:
+        fresh = kept.with_name(f"{kept.name}.{os.getpid()}")
+        shutil.copy2(built, fresh)
+        fresh.replace(kept)
+    return kept
 
 
 def _run(command: list[str], root: Path, name: str) -> subprocess.CompletedProcess[str]:
