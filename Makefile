@@ -25,7 +25,7 @@ ifneq ($(RUSTUP),)
 export RUSTUP_HOME ?= $(RUSTUP)
 endif
 
-.PHONY: setup demo test lint bench clean bevy-cargo bevy-lint bevy-test
+.PHONY: setup demo test lint bench clean bevy-cargo bevy-lint bevy-test bevy-examples
 .DELETE_ON_ERROR:
 
 setup: .venv/.ready
@@ -70,7 +70,13 @@ bevy-lint: bevy-cargo
 bevy-test: bevy-cargo
 	cd $(BEVY_PROJECT) && cargo test --locked --workspace --all-features
 
-test: setup lint bevy-test
+# Those with pictures take minutes, which no test should have to wait for.
+bevy-examples: bevy-cargo
+	cd $(BEVY_PROJECT) && for example in beacon "shooter --features view" "shooter --features pixels" \
+		cartpole shooter rest_cartpole; \
+		do cargo build --release --locked --package $$example || exit 1; done
+
+test: setup lint bevy-test bevy-examples
 	@$(BIN)/ludus engine install godot4 --rendering
 	@$(BIN)/ludus engine install godot3 --rendering
 	$(BIN)/pytest

@@ -29,6 +29,8 @@ pub(crate) struct Play {
 
 /// Spawns the one world and begins its first episode.
 pub(crate) fn start(world: &mut World, arguments: &CommandLine) -> Result<(), Failure> {
+    #[cfg(feature = "camera")]
+    crate::camera::check_renderer(world)?;
     let fail = |error: String| Failure::new(ErrorCode::Config, error, "");
     let mut sources = world.remove_resource::<PolicySources>().unwrap_or_default();
     sources.overlay(arguments);

@@ -1,6 +1,6 @@
 //! Before training begins: can the cameras draw?
 
-use super::renderer::Renderer;
+use super::renderer::{Renderer, RendererMissing};
 use crate::policy::Policies;
 use crate::trainer::Failure;
 use crate::wire::ErrorCode;
@@ -14,11 +14,14 @@ const HINT: &str = "install a renderer that works without a screen (Debian: apt 
                     render_plugin() of bevy_ludus::camera to the app, and disable Bevy's \
                     PipelinedRenderingPlugin";
 
-/// Checks that the cameras of an app's policies can draw.
+/// Checks that an app that draws can, and so the cameras of its policies.
 ///
 /// # Errors
 /// They cannot; the trainer is told so.
 pub(crate) fn check_renderer(world: &World) -> Result<(), Failure> {
+    if world.contains_resource::<RendererMissing>() {
+        return Err(Failure::new(ErrorCode::Renderer, NO_RENDERER, HINT));
+    }
     let policies = world.get_resource::<Policies>();
     let pictures: Vec<_> = policies
         .into_iter()

@@ -5,12 +5,12 @@ use bevy_app::{App, PostUpdate, SubApp};
 use bevy_asset::handle_internal_asset_events;
 use bevy_ecs::prelude::*;
 use bevy_light::cluster::GlobalClusterSettings;
-use bevy_render::RenderApp;
 use bevy_render::error_handler::{RenderError, RenderErrorHandler, RenderErrorPolicy};
 use bevy_render::render_resource::{
     CachedPipeline, CachedPipelineState, PipelineCache, PipelineDescriptor,
 };
 use bevy_render::renderer::RenderDevice;
+use bevy_render::{RenderApp, RenderPlugin};
 use bevy_tasks::ComputeTaskPool;
 use bevy_time::TimeReceiver;
 use std::collections::HashSet;
@@ -65,8 +65,15 @@ pub(crate) fn take_renderer(app: &mut App) {
                 app: Mutex::new(renderer),
                 given_up: HashSet::new(),
             });
+    } else if app.is_plugin_added::<RenderPlugin>() {
+        app.init_resource::<RendererMissing>();
     }
 }
+
+/// The app has Bevy's plugins for drawing, and they found nothing to draw with. Some of them panic
+/// then as soon as something that is drawn is despawned.
+#[derive(Resource, Debug, Default)]
+pub(crate) struct RendererMissing;
 
 /// What has gone wrong in the renderer; empty if nothing has.
 #[derive(Resource, Debug, Default)]

@@ -44,8 +44,8 @@ impl PluginGroup for RenderingPlugins {
 }
 
 /// Makes Bevy's plugin for rendering in a way that serves agents: what is drawn is complete in its
-/// first picture; and where nothing can draw, the game goes on without a renderer (and says so when
-/// an agent's camera needs one) instead of panicking.
+/// first picture; and where nothing can draw, the game ends with an error that says so instead of
+/// panicking.
 ///
 /// With `DefaultPlugins`, use `.set(render_plugin())`, and disable `PipelinedRenderingPlugin`.
 #[must_use]

@@ -4,15 +4,21 @@
 //! the step of a small game. So the game takes the seat of the server's thread for as long as it
 //! waits. The thread looks in from time to time, and sits down when the game stays away.
 
-use std::sync::Arc;
+use std::future::poll_fn;
+use std::pin::{Pin, pin};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
+use std::sync::{Arc, OnceLock};
+use std::task::Poll;
 use std::thread::Thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::runtime::Runtime;
 use tokio::sync::Notify;
 
 /// How often the thread of the server looks whether the game still comes to the seat.
 const LOOK_IN: Duration = Duration::from_millis(10);
+/// How long a game in play looks for the next request before it sleeps; waking up takes longer than
+/// the step of a small game. Only where a core is left for the client.
+const SPIN: Duration = Duration::from_micros(200);
 
 /// Of the one seat from which connections are served.
 #[derive(Debug, Default)]
@@ -21,6 +27,8 @@ pub(super) struct Seat {
     visits: AtomicU64,
     is_taken_by_server: AtomicBool,
     is_closing: AtomicBool,
+    /// Whether the last visit of the game ended with a request, so that the next is near.
+    is_in_play: AtomicBool,
     called: Notify,
 }
 
@@ -33,7 +41,12 @@ impl Seat {
         if self.is_taken_by_server.load(SeqCst) {
             self.called.notify_one();
         }
-        let _ = runtime.block_on(async { tokio::time::timeout(limit, done).await });
+        let is_done = runtime.block_on(async {
+            let mut done = pin!(done);
+            let spins = self.is_in_play.load(SeqCst) && has_spare_core();
+            (spins && spin(done.as_mut()).await) || tokio::time::timeout(limit, done).await.is_ok()
+        });
+        self.is_in_play.store(is_done, SeqCst);
         self.visits.fetch_add(1, SeqCst);
     }
 
@@ -69,4 +82,23 @@ impl Seat {
         self.called.notify_one();
         keeper.unpark();
     }
+}
+
+fn has_spare_core() -> bool {
+    // Asking takes as long as a step.
+    static HAS: OnceLock<bool> = OnceLock::new();
+    *HAS.get_or_init(|| std::thread::available_parallelism().is_ok_and(|cores| cores.get() > 1))
+}
+
+/// Serves connections without sleeping for a while; returns whether the future is done.
+async fn spin(mut done: Pin<&mut impl Future<Output = ()>>) -> bool {
+    let end = Instant::now() + SPIN;
+    while Instant::now() < end {
+        let is_done = poll_fn(|context| Poll::Ready(done.as_mut().poll(context).is_ready())).await;
+        if is_done {
+            return true;
+        }
+        tokio::task::yield_now().await;
+    }
+    false
 }
