@@ -2,6 +2,8 @@
 //! Godot example of the same name, with the equations of motion in place of a physics engine.
 
 mod motion;
+#[cfg(feature = "view")]
+mod view;
 
 use bevy_app::prelude::*;
 use bevy_app::{ScheduleRunnerPlugin, TaskPoolPlugin};
@@ -77,6 +79,8 @@ impl Plugin for CartPolePlugin {
             .add_systems(Judge, judge)
             .add_systems(Observe, observe)
             .add_systems(Reset, begin);
+        #[cfg(feature = "view")]
+        app.add_plugins(view::ViewPlugin);
     }
 }
 
