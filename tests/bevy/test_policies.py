@@ -27,6 +27,7 @@ from ludus.train.export.parity import ParityReport, PolicyFiles, measure_parity,
 from ludus.train.policy import Policy
 from tests.actions import zeros
 from tests.bevy.conftest import TARGET, processes
+from tests.gymgodot.conftest import left_processes
 from tests.model.golden import model_path
 from tests.train.test_export_godot import ATARI
 from tests.train.trained_runs import MIXED, SIMPLE, make_policy
@@ -257,7 +258,11 @@ def test_a_file_that_bevy_refuses_is_an_error(
 def test_a_game_that_takes_too_long_is_ended(
     executable: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bevy_runtime, "TIMEOUT_S", 0.0)
-    with pytest.raises(EngineTimeout, match="did not test the policy within"):
-        measure(make_policy(SIMPLE), tmp_path, BevyGame(executable))
-    assert processes(executable) == []
+    """The real game, which somebody stops before it can begin."""
+    stopped = tmp_path / "stopped"
+    stopped.write_text(f'#!/bin/sh\nkill -STOP $$\nexec "{executable}" "$@"\n')
+    stopped.chmod(0o755)
+    monkeypatch.setattr(bevy_runtime, "TIMEOUT_S", 0.5)
+    with pytest.raises(EngineTimeout, match=r"did not test the policy within 0\.5 s"):
+        measure(make_policy(SIMPLE), tmp_path, BevyGame(stopped))
+    assert left_processes() == []

@@ -82,10 +82,13 @@ class Game:
 
 @pytest.fixture(scope="module")
 def game(project: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Game]:
-    port = free_port("127.0.0.1")
-    command = project_command(project, (f"--ludus-port={port}",), 60, is_windowed=False)
     log_path = tmp_path_factory.mktemp("hostile") / "log"
-    with EngineProcess.start(LaunchConfig(command=command, log_path=log_path)) as process:
+    with (
+        free_port("127.0.0.1") as port,
+        EngineProcess.start(
+            LaunchConfig(command=command(project, port), log_path=log_path)
+        ) as process,
+    ):
         game = Game(("127.0.0.1", port), process)
         assert game.serves()
         yield game
@@ -94,6 +97,10 @@ def game(project: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ga
     lines = log_path.read_text(errors="replace").splitlines()
     failures = [i for i, line in enumerate(lines) if line.startswith("SCRIPT ERROR")]
     assert [lines[i : i + 2] for i in failures] == []
+
+
+def command(project: Path, port: int) -> tuple[str, ...]:
+    return project_command(project, (f"--ludus-port={port}",), 60, is_windowed=False)
 
 
 def frame(payload: bytes) -> bytes:
@@ -304,10 +311,9 @@ def test_an_answer_that_nobody_reads(game: Game) -> None:
 
 
 def test_ctrl_c_while_it_waits(game: Game, project: Path) -> None:
-    port = free_port("127.0.0.1")
-    command = project_command(project, (f"--ludus-port={port}",), 60, is_windowed=False)
     with (
-        EngineProcess.start(LaunchConfig(command=command)) as process,
+        free_port("127.0.0.1") as port,
+        EngineProcess.start(LaunchConfig(command=command(project, port))) as process,
         GodotClient(None, ("127.0.0.1", port), start_timeout_s=20.0) as client,
     ):
         client.reset(ALL)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -76,13 +77,17 @@ class Game:
         self._connection: Connection | None = None
         self._watch = GameWatch()
         self._asked = (b"", 0.0)
-        host, port = config.engine_address
-        is_ours = config.target is not None or config.command is not None
-        self.address = (host, port or free_port(host)) if is_ours else (host, port)
+        self.address = config.engine_address
         try:
-            if is_ours:
-                self._watch = self._start()
-            self._connection = self._connect()
+            with ExitStack() as held:
+                host, port = config.engine_address
+                if port == 0:
+                    self.address = (host, held.enter_context(free_port(host)))
+                elif _is_ours(config):
+                    check_port_is_free(self.address)
+                if _is_ours(config):
+                    self._watch = self._start()
+                self._connection = self._connect()
         except BaseException:
             self.close()
             raise
@@ -166,7 +171,6 @@ class Game:
             self.close()
 
     def _start(self) -> GameWatch:
-        check_port_is_free(self.address)
         config = self._config
         # Only a game with our classes knows this argument.
         arguments = (f"--ludus-port={self.address[1]}",)
@@ -200,12 +204,15 @@ def _check(config: GameConfig) -> None:
         raise ConfigError(
             "both target and command are given", hint="one of them says how the game starts"
         )
-    is_ours = config.target is not None or config.command is not None
-    if config.engine_address[1] == 0 and not is_ours:
+    if config.engine_address[1] == 0 and not _is_ours(config):
         raise ConfigError(
             "engine_address has port 0, which only a game that we start can take",
             hint="give target or command, or the port at which the game listens",
         )
+
+
+def _is_ours(config: GameConfig) -> bool:
+    return config.target is not None or config.command is not None
 
 
 def _shown(request: bytes) -> str:

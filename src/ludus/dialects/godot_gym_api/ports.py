@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import socket
+import sys
+from collections.abc import Generator
+from contextlib import contextmanager
 
 from ludus.errors import ConfigError, EngineStartError
 
@@ -11,10 +14,21 @@ __all__ = ["check_port_is_free", "free_port"]
 _MAX_PORT = 65535
 
 
-def free_port(host: str) -> int:
-    """Return a port that nobody uses at the moment."""
-    with socket.create_server((host, 0)) as taken:
-        return taken.getsockname()[1]
+@contextmanager
+def free_port(host: str) -> Generator[int]:
+    """Yield a port that nobody uses, and that nobody gets who asks the system for one meanwhile.
+
+    The port is bound, but never listened at: what a process that is just being started inherits
+    cannot take the connections of the game. Linux lets a game listen beside such a socket, if both
+    have the option ``SO_REUSEADDR``, which every Godot sets; elsewhere it is given up at once.
+    """
+    with socket.socket() as bound:
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        bound.bind((host, 0))
+        port = bound.getsockname()[1]
+        if sys.platform != "linux":
+            bound.close()
+        yield port
 
 
 def check_port_is_free(address: tuple[str, int]) -> None:

@@ -58,7 +58,7 @@ def _run(program: Path, folder: Path) -> None:
         report = process.describe_death()
     if code is None:
         raise EngineTimeout(
-            f"{program.name} did not test the policy within {TIMEOUT_S:.0f} s\n{report}",
+            f"{program.name} did not test the policy within {TIMEOUT_S:g} s\n{report}",
             "it may have been built before bevy_ludus knew --ludus-parity: build it again; "
             "--no-parity exports without the test",
         )
