@@ -201,7 +201,8 @@ def test_features_are_part_of_the_target() -> None:
     assert find_bevy_example("bevy:shoter+view") is None
     assert with_view("bevy:shooter") == "bevy:shooter+view"
     assert with_view("bevy:shooter+pixels") == "bevy:shooter+pixels"
-    assert with_view("bevy:cartpole") == "bevy:cartpole"
+    assert with_view("bevy:cartpole") == "bevy:cartpole+view"
+    assert with_view("bevy:beacon") == "bevy:beacon"
     assert with_view("cartpole") == "cartpole"
     with pytest.raises(TargetError, match="bevy:shooter has no feature 'veiw'") as caught:
         resolve_target("bevy:shooter+veiw")

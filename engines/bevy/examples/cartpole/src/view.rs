@@ -21,11 +21,10 @@ use bevy_transform::components::Transform;
 type Material = MeshMaterial3d<StandardMaterial>;
 
 const SKY: Color = Color::srgb_u8(188, 214, 235);
-/// Sizes of the cart and of the pole, metres; the pole is as long as in the Godot example.
+/// Sizes of the cart and of the pole, metres. The pole ends where that of the Godot example does, and
+/// is drawn down to the hinge, which is in the middle of the cart.
 const CART: Vec3 = Vec3::new(2.0, 1.2, 3.0);
-const POLE: Vec3 = Vec3::new(0.6, 9.3, 1.0);
-/// From the hinge to the centre of the pole, metres.
-const POLE_CENTRE: f32 = 7.0;
+const POLE: Vec3 = Vec3::new(0.6, 11.6, 1.0);
 /// From one post beside the track to the next, metres: they show how fast the cart goes.
 const POST_DISTANCE: usize = 5;
 /// Where the film is taken from, beside the cart, metres.
@@ -147,7 +146,7 @@ fn show_poles(carts: Query<&Cart>, mut poles: Query<(&ChildOf, &mut Transform), 
         if let Ok(cart) = carts.get(hinge.parent()) {
             let rotation = Quat::from_rotation_x(cart.angle);
             transform.rotation = rotation;
-            transform.translation = rotation * Vec3::new(0.0, POLE_CENTRE, 0.0);
+            transform.translation = rotation * Vec3::new(0.0, 0.5 * POLE.y, 0.0);
         }
     }
 }
