@@ -73,7 +73,7 @@ bevy-test: bevy-cargo
 # Those with pictures take minutes, which no test should have to wait for.
 bevy-examples: bevy-cargo
 	cd $(BEVY_PROJECT) && for example in beacon "cartpole --features view" "shooter --features view" "shooter --features pixels" \
-		cartpole shooter rest_cartpole; \
+		rest_tiles cartpole shooter rest_cartpole; \
 		do cargo build --release --locked --package $$example || exit 1; done
 
 test: setup lint bevy-test bevy-examples

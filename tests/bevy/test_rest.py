@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +14,7 @@ import pytest
 from gymnasium import spaces
 
 import ludus
-from ludus.batch import ActionBatch
 from ludus.dialects.bevy_rl import client as client_module
-from ludus.dialects.registry import GamePlace, find_bridge, open_bridge_session
 from ludus.dialects.session import DialectSession
 from ludus.engine.bevy_build import build_bevy_example
 from ludus.errors import (
@@ -30,45 +27,11 @@ from ludus.errors import (
     UsageError,
 )
 from ludus.wire.reset import ResetRequest
+from tests.bevy.rest_program import Program, Start, reset, step
 
 _DEADLINE_S = 20.0
 _CART = spaces.Box(-np.inf, np.inf, (4,), np.float32)
-_POLICY = "agent"
-
-
-class Program:
-    """The example ``rest_cartpole``, running."""
-
-    def __init__(self, executable: Path, *arguments: str) -> None:
-        self.sessions: list[DialectSession] = []
-        self.process = subprocess.Popen([executable, *arguments], stdout=subprocess.PIPE, text=True)
-        assert self.process.stdout is not None
-        watchdog = threading.Timer(_DEADLINE_S, self.process.kill)
-        watchdog.start()
-        self.url = self.process.stdout.readline().strip()
-        watchdog.cancel()
-        assert self.url.startswith("http://127.0.0.1:"), self.url
-
-    def open(self, max_episode_steps: int | None = None, **settings: Any) -> DialectSession:
-        """Open a session, which ends with the program."""
-        settings = {"action_space": spaces.Discrete(2), "observation_space": _CART, **settings}
-        bridge = find_bridge(self.url)
-        assert bridge is not None
-        place = GamePlace(address=bridge.place_of(self.url))
-        self.sessions.append(open_bridge_session(bridge, place, settings, max_episode_steps))
-        return self.sessions[-1]
-
-    def close(self) -> None:
-        """End it; nothing is left behind."""
-        for session in self.sessions:
-            session.close()
-        self.process.kill()
-        self.process.wait(_DEADLINE_S)
-        assert self.process.stdout is not None
-        self.process.stdout.close()
-
-
-Start = Callable[..., Program]
+_DEFAULTS: dict[str, Any] = {"action_space": spaces.Discrete(2), "observation_space": _CART}
 
 
 @pytest.fixture(scope="session")
@@ -83,7 +46,7 @@ def start(rest_executable: Path) -> Iterator[Start]:
     programs: list[Program] = []
 
     def start_one(*arguments: str, port: int = 0) -> Program:
-        programs.append(Program(rest_executable, f"--port={port}", *arguments))
+        programs.append(Program(rest_executable, f"--port={port}", *arguments, defaults=_DEFAULTS))
         return programs[-1]
 
     yield start_one
@@ -95,16 +58,6 @@ def start(rest_executable: Path) -> Iterator[Start]:
 def as_bevy_rl(monkeypatch: pytest.MonkeyPatch) -> None:
     """Lets Python talk as it does to programs made with bevy_rl itself."""
     monkeypatch.setattr(client_module, "_OURS", "nobody/")
-
-
-def _step(session: DialectSession, *choices: int) -> Any:
-    discrete = np.array(choices, np.int64).reshape(-1, 1)
-    session.send({_POLICY: ActionBatch(discrete, np.zeros((len(choices), 0), np.float32))})
-    return session.receive()[_POLICY]
-
-
-def _reset(session: DialectSession) -> Any:
-    return session.reset(ResetRequest.all_worlds(1, 7))[_POLICY]
 
 
 def _play(env: gymnasium.Env[Any, Any]) -> tuple[float, int]:
@@ -145,11 +98,11 @@ def test_the_pole_is_balanced_over_the_wire_of_bevy_rl(start: Start) -> None:
 
 def test_actions_have_their_effect_and_episodes_their_ends(start: Start) -> None:
     session = start().open()
-    before = _reset(session).observation["observation"][0].copy()
-    after = _step(session, 1).observation["observation"][0]
+    before = reset(session).observation["observation"][0].copy()
+    after = step(session, 1).observation["observation"][0]
     assert after[1] > before[1]
     assert after[3] < before[3]
-    batches = (_step(session, 1) for _ in range(100))
+    batches = (step(session, 1) for _ in range(100))
     batch = next(batch for batch in batches if batch.terminated[0])
     # The pole has fallen; the next episode begins upright, in the same step.
     assert abs(batch.final_observation["observation"][0, 2]) > 1.0
@@ -159,12 +112,12 @@ def test_actions_have_their_effect_and_episodes_their_ends(start: Start) -> None
 
 def test_a_world_begins_anew_when_all_its_agents_have_ended(start: Start) -> None:
     session = start("--agents=3").open()
-    _reset(session)
+    reset(session)
     assert session.spec.policies[0].num_agents == 3
     ended = _step_until_all_have_ended(session, np.zeros(3, bool))
     assert ended == [0, 1, 2]
     # The last one's end has begun the next episode of all.
-    assert _step(session, 0, 0, 0).active.all()
+    assert step(session, 0, 0, 0).active.all()
 
 
 def _step_until_all_have_ended(session: DialectSession, has_ended: Any) -> list[int]:
@@ -172,7 +125,7 @@ def _step_until_all_have_ended(session: DialectSession, has_ended: Any) -> list[
     for turn in range(300):
         # One cart is only pushed away, the others are balanced for a while.
         choices = (1, turn % 2, turn % 2) if turn < 20 else (1, 1, 0)
-        batch = _step(session, *choices)
+        batch = step(session, *choices)
         assert not (batch.terminated & has_ended).any(), "nobody ends twice"
         has_ended |= batch.terminated
         if has_ended.all():
@@ -206,9 +159,9 @@ def test_get_observation_and_to_action_are_the_users_own(start: Start) -> None:
         get_observation=_lean,
         to_action=to_action,
     )
-    assert _reset(session).observation["lean"].shape == (2, 1)
-    lean = _step(session, 0, 1).observation["lean"].copy()
-    lean_after = _step(session, 0, 1).observation["lean"]
+    assert reset(session).observation["lean"].shape == (2, 1)
+    lean = step(session, 0, 1).observation["lean"].copy()
+    lean_after = step(session, 0, 1).observation["lean"]
     assert texts == ["1", "0", "1", "0"]
     assert lean_after[0] < lean[0]
     assert lean_after[1] > lean[1]
@@ -222,20 +175,20 @@ def test_a_program_that_dies_is_reported(
         monkeypatch.setattr(client_module, "_OURS", "nobody/")
     program = start()
     session = program.open()
-    _reset(session)
-    _step(session, 1)
+    reset(session)
+    step(session, 1)
     program.process.kill()
     program.process.wait(_DEADLINE_S)
     with pytest.raises(EngineCrashed, match=r"(?s)the program.*start the program again"):
-        _step(session, 1)
+        step(session, 1)
 
 
 def test_a_program_that_ends_by_itself_is_reported(start: Start) -> None:
     program = start()
     session = program.open(to_action=_push_or_quit)
-    _reset(session)
+    reset(session)
     with pytest.raises(EngineCrashed, match="503"):
-        _step(session, 1)
+        step(session, 1)
     assert program.process.wait(_DEADLINE_S) == 0
 
 
@@ -244,12 +197,12 @@ def test_a_program_that_does_not_answer_is_reported(start: Start) -> None:
     session = program.open(num_agents=1, step_timeout_s=0.3)
     began = time.monotonic()
     with pytest.raises(EngineTimeout, match=r"did not answer within 0\.3 s"):
-        _reset(session)
+        reset(session)
     assert time.monotonic() - began < _DEADLINE_S / 2
     patient = start("--pause-interval=1000", "--timeout=0.3")
     session = patient.open(num_agents=1)
     with pytest.raises(EngineTimeout, match=r"504: the game did not answer for 0\.3 s"):
-        _reset(session)
+        reset(session)
 
 
 def test_an_address_where_nobody_listens_is_reported(start: Start) -> None:
@@ -268,38 +221,38 @@ def test_a_program_that_comes_late_is_waited_for(start: Start) -> None:
     timer.start()
     session = first.open(start_timeout_s=_DEADLINE_S)
     timer.join()
-    assert _reset(session).active.all()
+    assert reset(session).active.all()
 
 
 def test_a_connection_that_was_closed_between_requests_is_made_anew(start: Start) -> None:
     first = start()
     session = first.open()
-    _reset(session)
+    reset(session)
     first.process.kill()
     first.process.wait(_DEADLINE_S)
     start(port=int(first.url.rsplit(":", 1)[1]))
-    assert _reset(session).active.all()
-    assert _step(session, 1).reward[0] == 1.0
+    assert reset(session).active.all()
+    assert step(session, 1).reward[0] == 1.0
 
 
 def test_another_number_of_agents_is_reported(start: Start) -> None:
     session = start("--agents=2").open(num_agents=3)
     with pytest.raises(ProtocolError, match="has 2 agents, expected 3"):
-        _reset(session)
+        reset(session)
 
 
 @pytest.mark.usefixtures("as_bevy_rl")
 def test_a_refused_action_is_reported_with_its_reason(start: Start) -> None:
     session = start().open(to_action=_no_text)
-    _reset(session)
+    reset(session)
     with pytest.raises(GameError, match=r"(?s)status 400.*not a list of actions"):
-        _step(session, 1)
+        step(session, 1)
 
 
 def test_a_space_that_does_not_fit_is_reported(start: Start) -> None:
     session = start().open(observation_space=spaces.Box(-1, 1, (5,), np.float32))
     with pytest.raises(GameError, match="the state has 4 numbers, the space 5"):
-        _reset(session)
+        reset(session)
 
 
 def test_what_cannot_be_is_refused(start: Start) -> None:

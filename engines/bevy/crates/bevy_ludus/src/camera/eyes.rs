@@ -80,7 +80,9 @@ impl Eyes {
         world: &mut World,
         read: impl FnOnce(&mut Self, &mut World, &World) -> Result<T, String>,
     ) -> Result<T, String> {
-        let worlds = world.resource::<Stage>().worlds.clone();
+        // Isolated worlds have apps of their own, and this app has none.
+        let stage = world.get_resource::<Stage>();
+        let worlds = stage.map_or_else(Vec::new, |stage| stage.worlds.clone());
         separate_worlds(world, &worlds, &mut self.unsorted);
         let _turn = take_turn();
         world.resource_scope(|world, mut renderer: Mut<Renderer>| {

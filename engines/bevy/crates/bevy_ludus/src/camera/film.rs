@@ -20,10 +20,13 @@ pub(crate) fn picture(arguments: In<Arguments>, world: &mut World) -> MethodResu
         return Err(super::opening::NO_RENDERER.to_owned());
     }
     world.init_resource::<Eyes>();
-    let films = choose(world, arguments.world);
+    let Choice { films, others } = choose(world, arguments.world);
     if films.is_empty() {
         return Err("the world has no LudusFilmCamera".to_owned());
     }
+    let cameras: Vec<_> = films.iter().map(|(camera, _)| *camera).collect();
+    set_active(world, &cameras, true);
+    set_active(world, &others, false);
     let sources: Vec<_> = films
         .iter()
         .map(|(camera, picture)| Source {
@@ -45,39 +48,39 @@ pub(crate) fn picture(arguments: In<Arguments>, world: &mut World) -> MethodResu
             Ok(pictures)
         })
     });
-    for (camera, _) in films {
-        set_active(world, camera, false);
-    }
+    set_active(world, &cameras, false);
+    set_active(world, &others, true);
     Ok(pictures?.into())
 }
 
-/// Switches on the film cameras of a world, and all other cameras off.
-fn choose(world: &mut World, shown: Entity) -> Vec<(Entity, Picture)> {
-    let mut cameras = world.query_filtered::<(Entity, Option<&LudusFilmCamera>), With<Camera>>();
-    let all: Vec<_> = cameras
-        .iter(world)
-        .map(|(entity, film)| {
-            (
-                entity,
-                film.map(|film| Picture::rgb(film.width, film.height)),
-            )
-        })
-        .collect();
-    let mut films = Vec::new();
-    for (camera, film) in all {
-        let film = film.filter(|_| home_of(world, camera) == Some(shown));
-        set_active(world, camera, film.is_some());
-        films.extend(film.map(|picture| (camera, picture)));
+/// Cameras for a picture of a world.
+struct Choice {
+    films: Vec<(Entity, Picture)>,
+    /// All others that are switched on.
+    others: Vec<Entity>,
+}
+
+fn choose(world: &mut World, shown: Entity) -> Choice {
+    let mut cameras = world.query::<(Entity, &Camera, Option<&LudusFilmCamera>)>();
+    let (mut films, mut others) = (Vec::new(), Vec::new());
+    for (entity, camera, film) in cameras.iter(world) {
+        match film.filter(|_| home_of(world, entity) == Some(shown)) {
+            Some(film) => films.push((entity, Picture::rgb(film.width, film.height))),
+            None if camera.is_active => others.push(entity),
+            None => {}
+        }
     }
     // Queries have no order that lasts.
     let order_of = |camera| world.get::<Camera>(camera).map(|camera| camera.order);
     films.sort_by_key(|(camera, _)| (order_of(*camera), *camera));
-    films
+    Choice { films, others }
 }
 
-fn set_active(world: &mut World, camera: Entity, is_active: bool) {
-    if let Some(mut camera) = world.get_mut::<Camera>(camera) {
-        camera.is_active = is_active;
+fn set_active(world: &mut World, cameras: &[Entity], is_active: bool) {
+    for camera in cameras {
+        if let Some(mut camera) = world.get_mut::<Camera>(*camera) {
+            camera.is_active = is_active;
+        }
     }
 }
 

@@ -20,14 +20,21 @@ mod picture;
 mod readback;
 mod renderer;
 mod rendering;
+mod shaders;
 
 pub use components::{LudusCamera, LudusFilmCamera};
 pub use picture::Picture;
 pub use rendering::{RenderingPlugins, render_plugin};
 
+#[cfg(feature = "rest")]
+pub(crate) use eyes::Eyes;
 pub(crate) use eyes::look;
 pub(crate) use film::picture;
 pub(crate) use opening::check_renderer;
 #[cfg(feature = "rest")]
 pub(crate) use readback::{Readback, Source};
+#[cfg(feature = "rest")]
+pub(crate) use renderer::Renderer;
 pub(crate) use renderer::take_renderer;
+#[cfg(feature = "rest")]
+pub(crate) use shaders::Shaders;

@@ -1,31 +1,21 @@
 //! Bevy's renderer, drawing when it is told to.
 
+use super::shaders::Shaders;
 use crate::plugin::run_on_one_thread;
 use bevy_app::{App, PostUpdate, SubApp};
 use bevy_asset::handle_internal_asset_events;
 use bevy_ecs::prelude::*;
 use bevy_light::cluster::GlobalClusterSettings;
 use bevy_render::error_handler::{RenderError, RenderErrorHandler, RenderErrorPolicy};
-use bevy_render::render_resource::{
-    CachedPipeline, CachedPipelineState, PipelineCache, PipelineDescriptor,
-};
-use bevy_render::renderer::RenderDevice;
 use bevy_render::{RenderApp, RenderPlugin};
 use bevy_tasks::ComputeTaskPool;
 use bevy_time::TimeReceiver;
-use std::collections::HashSet;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread::sleep;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-/// Shaders that are not compiled so long after others were are those of parts of Bevy that the
-/// game, or this renderer, has not.
-const SHADER_PATIENCE: Duration = Duration::from_secs(2);
-/// Pause between two looks at whether they are.
+/// Pause between two looks at whether shaders are compiled.
 const SHADER_PAUSE: Duration = Duration::from_millis(1);
-
-/// Index of a pipeline in Bevy's cache.
-type CachedPipelineId = usize;
 
 /// The renderer, taken out of the app: Bevy would draw once after every update, and agents need
 /// pictures in the middle of one.
@@ -33,8 +23,7 @@ type CachedPipelineId = usize;
 pub(crate) struct Renderer {
     // A mutex only because apps may not be shared between threads; nobody ever waits for it.
     app: Mutex<SubApp>,
-    /// Pipelines that will not get ready.
-    given_up: HashSet<CachedPipelineId>,
+    shaders: Shaders,
 }
 
 /// Held while something is drawn and read.
@@ -63,7 +52,7 @@ pub(crate) fn take_renderer(app: &mut App) {
             .insert_resource(RenderErrorHandler(note_failure))
             .insert_resource(Renderer {
                 app: Mutex::new(renderer),
-                given_up: HashSet::new(),
+                shaders: Shaders::default(),
             });
     } else if app.is_plugin_added::<RenderPlugin>() {
         app.init_resource::<RendererMissing>();
@@ -95,15 +84,10 @@ impl Renderer {
     /// # Errors
     /// The renderer has failed.
     pub fn draw(&mut self, world: &mut World) -> Result<(), String> {
-        let mut patience = Patience::new();
         loop {
             self.draw_once(world)?;
-            let unready = self.unready();
-            if unready.is_empty() {
-                return Ok(());
-            }
-            if patience.is_over(unready.len()) {
-                self.give_up(unready);
+            let app = self.app.get_mut().unwrap_or_else(PoisonError::into_inner);
+            if self.shaders.are_ready(app.world()) {
                 return Ok(());
             }
             // They are loaded by tasks, which tell the app's own server of assets.
@@ -131,77 +115,7 @@ impl Renderer {
         }
     }
 
-    /// Returns the pipelines whose shaders are not compiled yet, and may still be.
-    fn unready(&mut self) -> Vec<CachedPipelineId> {
-        let given_up = std::mem::take(&mut self.given_up);
-        let renderer = self.app().world();
-        let unready = renderer
-            .get_resource::<PipelineCache>()
-            .map_or_else(Vec::new, |cache| {
-                let pipelines: Vec<_> = cache.pipelines().collect();
-                let may_come = can_come(renderer);
-                cache
-                    .waiting_pipelines()
-                    .filter(|id| may_come(pipelines[*id]) && !given_up.contains(id))
-                    .collect()
-            });
-        self.given_up = given_up;
-        unready
-    }
-
-    #[allow(clippy::print_stderr)]
-    fn give_up(&mut self, unready: Vec<CachedPipelineId>) {
-        let cache = self.app().world().resource::<PipelineCache>();
-        let label = |pipeline: &CachedPipeline| match &pipeline.descriptor {
-            PipelineDescriptor::RenderPipelineDescriptor(it) => it.label.clone(),
-            PipelineDescriptor::ComputePipelineDescriptor(it) => it.label.clone(),
-        };
-        let pipelines = cache.pipelines().enumerate();
-        let labels: Vec<_> = pipelines
-            .filter(|(id, _)| unready.contains(id))
-            .filter_map(|(_, pipeline)| label(pipeline))
-            .collect();
-        eprintln!("ludus: drawing without {}", labels.join(", "));
-        self.given_up.extend(unready);
-    }
-
     fn app(&mut self) -> &mut SubApp {
         self.app.get_mut().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-/// Returns whether a pipeline has still to be compiled, and can be. Plain OpenGL computes nothing.
-fn can_come(renderer: &World) -> impl Fn(&CachedPipeline) -> bool {
-    let device = renderer.get_resource::<RenderDevice>();
-    let computes = device.is_some_and(|it| it.limits().max_compute_workgroups_per_dimension > 0);
-    move |pipeline| {
-        let is_computing = matches!(
-            pipeline.descriptor,
-            PipelineDescriptor::ComputePipelineDescriptor(_)
-        );
-        !matches!(pipeline.state, CachedPipelineState::Ok(_)) && (computes || !is_computing)
-    }
-}
-
-/// How long to wait for shaders: as long as more and more get ready.
-struct Patience {
-    num_unready: usize,
-    since: Instant,
-}
-
-impl Patience {
-    fn new() -> Self {
-        Self {
-            num_unready: usize::MAX,
-            since: Instant::now(),
-        }
-    }
-
-    fn is_over(&mut self, num_unready: usize) -> bool {
-        if num_unready != self.num_unready {
-            self.num_unready = num_unready;
-            self.since = Instant::now();
-        }
-        self.since.elapsed() > SHADER_PATIENCE
     }
 }

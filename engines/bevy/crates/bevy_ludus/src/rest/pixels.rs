@@ -1,25 +1,26 @@
 //! Pictures for clients: what the cameras of all agents see, side by side in one PNG.
 //!
 //! A picture is drawn when a client asks for it, by the renderer that draws the game anyway; the game
-//! stands still meanwhile.
+//! stands still meanwhile. Where `LudusPlugin` has taken the renderer, which then draws only when it
+//! is told to, it is told to.
 
 use super::error::Refusal;
 use super::export::read;
 use super::settings::AIGymSettings;
 use super::state::AIGymState;
-use crate::camera::{Readback, Source};
-use bevy_app::App;
+use crate::camera::{Eyes, Readback, Renderer, Shaders, Source};
+use crate::plugin::LudusPlugin;
+use bevy_app::{App, Last};
 use bevy_asset::{AssetId, Assets};
 use bevy_ecs::prelude::*;
 use bevy_image::Image;
-use bevy_render::render_resource::{PipelineCache, TextureFormat, TextureUsages};
+use bevy_render::render_resource::{TextureFormat, TextureUsages};
 use bevy_render::{Render, RenderApp, RenderSystems};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How long to wait for shaders that are still being compiled. Some belong to parts of Bevy that the
-/// game has not, and are never ready.
-const SHADER_PATIENCE: Duration = Duration::from_secs(2);
+/// How long to wait for targets that the renderer has not yet.
+const TARGET_PATIENCE: Duration = Duration::from_secs(2);
 const FORMAT: TextureFormat = TextureFormat::Rgba8UnormSrgb;
 
 /// What the game, its renderer and the server share of pictures.
@@ -33,7 +34,7 @@ struct Order {
     targets: Vec<AssetId<Image>>,
     wanted_since: Option<Instant>,
     taken: Option<Result<Vec<u8>, String>>,
-    has_waited: bool,
+    shaders: Shaders,
     readback: Readback,
 }
 
@@ -47,6 +48,10 @@ impl Pictures {
         let mut order = self.order();
         order.taken = None;
         order.wanted_since = Some(Instant::now());
+    }
+
+    fn is_wanted(&self) -> bool {
+        self.order().wanted_since.is_some()
     }
 
     /// Returns whether the picture that was wanted is there.
@@ -111,16 +116,35 @@ pub(super) fn add_pictures(app: &mut App, settings: &AIGymSettings) {
         targets: Vec::new(),
         wanted_since: None,
         taken: None,
-        has_waited: false,
+        shaders: Shaders::default(),
         readback: Readback::default(),
     };
     let pictures = Pictures(Arc::new(Mutex::new(order)));
-    if let Some(renderer) = app.get_sub_app_mut(RenderApp) {
+    let is_taken = app.is_plugin_added::<LudusPlugin>();
+    let Some(renderer) = app.get_sub_app_mut(RenderApp) else {
+        return;
+    };
+    if is_taken {
+        app.add_systems(Last, draw.run_if(resource_exists::<Renderer>));
+    } else {
         renderer
             .insert_resource(pictures.clone())
             .add_systems(Render, take.in_set(RenderSystems::Cleanup));
-        app.insert_resource(pictures);
     }
+    app.insert_resource(pictures);
+}
+
+/// At the end of an update, when Bevy would draw: has the picture drawn that is wanted, and takes it.
+fn draw(world: &mut World) {
+    let pictures = world.resource::<Pictures>().clone();
+    if !pictures.is_wanted() {
+        return;
+    }
+    world.init_resource::<Eyes>();
+    let result = world.resource_scope(|world, mut eyes: Mut<Eyes>| {
+        eyes.draw(world, |_, _, renderer| pictures.order().read(renderer))
+    });
+    pictures.order().give(result);
 }
 
 /// In the renderer, after it has drawn: takes the picture that is wanted.
@@ -129,22 +153,21 @@ fn take(renderer: &World) {
     let Some(since) = order.wanted_since else {
         return;
     };
-    let is_patient = !order.has_waited && since.elapsed() < SHADER_PATIENCE;
-    let cache = renderer.resource::<PipelineCache>();
-    if is_patient && cache.waiting_pipelines().next().is_some() {
+    if !order.shaders.are_ready(renderer) {
         return;
     }
     let result = order.read(renderer);
-    if is_patient && result.is_err() {
-        // Its target may be new.
-        return;
+    if result.is_ok() || since.elapsed() > TARGET_PATIENCE {
+        order.give(result);
     }
-    order.has_waited |= !is_patient;
-    order.wanted_since = None;
-    order.taken = Some(result);
 }
 
 impl Order {
+    fn give(&mut self, result: Result<Vec<u8>, String>) {
+        self.wanted_since = None;
+        self.taken = Some(result);
+    }
+
     /// Reads the pictures of all agents into one, who stand from left to right.
     fn read(&mut self, renderer: &World) -> Result<Vec<u8>, String> {
         let (width, height) = (self.width, self.height);

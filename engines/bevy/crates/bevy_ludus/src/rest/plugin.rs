@@ -11,6 +11,7 @@ use super::settings::AIGymSettings;
 use super::state::AIGymState;
 use super::turns::{Turns, begin, hear, pause};
 use crate::plugin::run_on_one_thread;
+use crate::schedules::Exchange;
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 use bevy_state::app::{AppExtStates, StatesPlugin};
@@ -66,7 +67,8 @@ where
             .insert_state(SimulationState::Initializing)
             .add_systems(Startup, open::<T, P>)
             .add_systems(PostStartup, begin)
-            .add_systems(First, hear.before(TimeSystems))
+            // With a trainer, the clock is its own.
+            .add_systems(First, hear.before(TimeSystems).before(Exchange))
             .add_systems(Last, pause);
     }
 

@@ -5,6 +5,7 @@ use super::events::{EventControl, EventPause, EventReset, SimulationPauseTimer, 
 #[cfg(feature = "camera")]
 use super::pixels::Pictures;
 use super::server::RestServer;
+use crate::trainer::Trainer;
 use bevy_ecs::prelude::*;
 use bevy_state::prelude::*;
 use bevy_time::{Time, TimeUpdateStrategy};
@@ -62,6 +63,8 @@ pub(super) fn hear(world: &mut World) {
         desk.finish(turns.has_run);
         if turns.is_lock_step
             && desk.is_idle()
+            // The trainer has the game wait already.
+            && !world.contains_resource::<Trainer>()
             && let Some(server) = world.get_resource::<RestServer>()
         {
             server.wait(PULSE);

@@ -2,6 +2,7 @@
 #![cfg(feature = "rest")]
 #![allow(clippy::unwrap_used)]
 
+mod both;
 mod client;
 mod endings;
 mod endpoints;
@@ -10,3 +11,7 @@ mod game;
 mod lock_step;
 mod pixels;
 mod refusals;
+#[cfg(feature = "camera")]
+#[allow(dead_code)]
+#[path = "../plugin/trainer.rs"]
+mod trainer;

@@ -17,10 +17,10 @@ use std::sync::mpsc::channel;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-const WIDTH: u32 = 20;
-const HEIGHT: u32 = 7;
+pub const WIDTH: u32 = 20;
+pub const HEIGHT: u32 = 7;
 /// Where there is no graphics card, its shaders are compiled by software.
-const DEADLINE: Duration = Duration::from_secs(60);
+pub const DEADLINE: Duration = Duration::from_secs(60);
 
 type Gym = AIGymState<String, ()>;
 
@@ -29,30 +29,18 @@ type Gym = AIGymState<String, ()>;
 struct Eye(usize);
 
 /// A game in which each agent sees nothing but a colour: the one of its last action.
-struct Painted {
-    address: SocketAddr,
+pub struct Painted {
+    pub address: SocketAddr,
     thread: JoinHandle<AppExit>,
 }
 
 impl Painted {
-    fn start(pause_interval: f32) -> Self {
+    /// Starts an app that a function fills.
+    pub fn start_with(fill: impl FnOnce(&mut App) + Send + 'static) -> Self {
         let (tell, told) = channel();
         let thread = std::thread::spawn(move || {
-            let settings = AIGymSettings {
-                width: WIDTH,
-                height: HEIGHT,
-                num_agents: 2,
-                render_to_buffer: true,
-                port: 0,
-                pause_interval,
-                ..Default::default()
-            };
             let mut app = App::new();
-            app.add_plugins((TaskPoolPlugin::default(), RenderingPlugins))
-                .insert_resource(Gym::new(settings))
-                .add_plugins(AIGymPlugin::<String, ()>::default())
-                .add_systems(Startup, spawn_eyes)
-                .add_systems(Update, (paint, publish));
+            fill(&mut app);
             run(app, |app| {
                 let _ = tell.send(app.world().resource::<RestServer>().address());
             })
@@ -62,6 +50,36 @@ impl Painted {
             thread,
         }
     }
+
+    /// Ends it as it ends when agents do nothing.
+    pub fn end(self, client: &mut Client) {
+        client.send("GET", "/step?payload=[{},{}]", "");
+        assert_eq!(self.thread.join().unwrap(), AppExit::Success);
+    }
+}
+
+pub fn settings(pause_interval: f32) -> AIGymSettings {
+    AIGymSettings {
+        width: WIDTH,
+        height: HEIGHT,
+        num_agents: 2,
+        render_to_buffer: true,
+        port: 0,
+        pause_interval,
+        ..Default::default()
+    }
+}
+
+/// Adds the whole game to an app.
+pub fn fill(app: &mut App, settings: AIGymSettings) {
+    if !app.is_plugin_added::<TaskPoolPlugin>() {
+        app.add_plugins(TaskPoolPlugin::default());
+    }
+    app.add_plugins(RenderingPlugins)
+        .insert_resource(Gym::new(settings))
+        .add_plugins(AIGymPlugin::<String, ()>::default())
+        .add_systems(Startup, spawn_eyes)
+        .add_systems(Update, (paint, publish));
 }
 
 fn spawn_eyes(gym: Res<Gym>, mut commands: Commands) {
@@ -108,7 +126,7 @@ fn publish(mut pauses: EventReader<EventPause>, gym: Res<Gym>) {
 }
 
 /// Asks for a picture, and returns its size and its pixels (RGBA).
-fn look(client: &mut Client) -> (u32, u32, Vec<u8>) {
+pub fn look(client: &mut Client) -> (u32, u32, Vec<u8>) {
     client
         .stream
         .get_mut()
@@ -135,30 +153,33 @@ fn look(client: &mut Client) -> (u32, u32, Vec<u8>) {
     (info.width, info.height, pixels)
 }
 
+/// Checks that both agents see nothing but the colour of their last action.
+pub fn check_colors((width, height, pixels): &(u32, u32, Vec<u8>), colors: [&str; 2]) {
+    assert_eq!((*width, *height), (2 * WIDTH, HEIGHT));
+    for (index, pixel) in pixels.chunks_exact(4).enumerate() {
+        let agent = usize::from(index as u32 % width >= WIDTH);
+        let expected: Vec<i32> = colors[agent]
+            .split(' ')
+            .map(|part| part.parse().unwrap())
+            .collect();
+        for (found, expected) in pixel.iter().zip(expected) {
+            let error = (i32::from(*found) - expected).abs();
+            assert!(error <= 1, "{pixel:?} at {index} is not {colors:?}");
+        }
+        assert_eq!(pixel[3], 255);
+    }
+}
+
 #[test]
 fn agents_see_the_game_as_it_stands_side_by_side() {
     for pause_interval in [0.0, 0.001] {
-        let game = Painted::start(pause_interval);
+        let game = Painted::start_with(move |app| fill(app, settings(pause_interval)));
         let mut client = Client::connect(game.address);
         for colors in [["250 10 20", "0 200 90"], ["1 2 3", "255 255 255"]] {
             client.step(&colors);
-            let (width, height, pixels) = look(&mut client);
-            assert_eq!((width, height), (2 * WIDTH, HEIGHT));
-            for (index, pixel) in pixels.chunks_exact(4).enumerate() {
-                let agent = usize::from(index as u32 % width >= WIDTH);
-                let expected: Vec<i32> = colors[agent]
-                    .split(' ')
-                    .map(|part| part.parse().unwrap())
-                    .collect();
-                for (found, expected) in pixel.iter().zip(expected) {
-                    let error = (i32::from(*found) - expected).abs();
-                    assert!(error <= 1, "{pixel:?} at {index} is not {colors:?}");
-                }
-                assert_eq!(pixel[3], 255);
-            }
+            check_colors(&look(&mut client), colors);
         }
-        client.send("GET", "/step?payload=[{},{}]", "");
-        assert_eq!(game.thread.join().unwrap(), AppExit::Success);
+        game.end(&mut client);
     }
 }
 
