@@ -1,12 +1,27 @@
-"""A skipped engine test fails the run: a machine without an engine must not look healthy."""
+"""A skipped engine test fails the run: a machine without an engine must not look healthy.
+
+A busy machine, or a shell that starts the tests in the background, changes nothing.
+"""
 
 from __future__ import annotations
 
+import signal
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 _skipped: list[str] = []
+
+# How long an example takes says more about the machine than about what is tested.
+settings.register_profile("ludus", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("ludus")
+
+
+def pytest_configure() -> None:
+    """Let Ctrl-C reach games: a shell has what it starts in the background ignore it."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:

@@ -5,16 +5,15 @@ The games here are exported ones as far as Ludus can see: programs that print an
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
-import psutil
 import pytest
 
 from ludus import play_in_engine as module
 from ludus.errors import EngineCrashed, EngineTimeout, GameError
 from ludus.play import PlayConfig
 from ludus.play_in_engine import play_in_engine
+from tests.godot.conftest import is_gone as is_process_gone
 
 REPORT = """echo 'ludus-episode {"policy":"%s","return":%s,"length":7}'\n"""
 Heard = list[tuple[str, int, float, int]]
@@ -44,13 +43,7 @@ def play(
 
 
 def is_gone(folder: Path) -> bool:
-    pid = int((folder / "pid").read_text())
-    deadline = time.monotonic() + 5.0
-    while time.monotonic() < deadline:
-        if not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE:
-            return True
-        time.sleep(0.02)
-    return False
+    return is_process_gone(int((folder / "pid").read_text()))
 
 
 def test_every_policy_gets_its_episodes_and_no_more(tmp_path: Path) -> None:
@@ -106,7 +99,7 @@ def test_a_report_that_cannot_be_read_is_an_error(tmp_path: Path, text: str) -> 
 def test_a_game_without_episodes_is_given_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "SILENCE_S", 0.5)
+    monkeypatch.setattr(module, "SILENCE_S", 2.0)
     with pytest.raises(EngineTimeout, match="no episode ended") as error:
         play(tmp_path, "sleep 60\n")
     assert "max_episode_steps" in error.value.hint

@@ -54,14 +54,14 @@ def test_a_killed_game(open_game: Open) -> None:
 
 
 def test_a_frozen_game(open_game: Open) -> None:
-    session = open_game(step_timeout_s=1.0)
+    session = open_game(step_timeout_s=2.0)
     reset(session)
     pid = pid_of(session)
     os.kill(pid, signal.SIGSTOP)
     began = time.monotonic()
-    with pytest.raises(EngineTimeout, match="silent for 1 s"):
+    with pytest.raises(EngineTimeout, match="silent for 2 s"):
         step(session)
-    assert time.monotonic() - began < 6.0
+    assert time.monotonic() - began < 15.0
     assert is_gone(pid, 0.5)
 
 
@@ -95,7 +95,7 @@ def test_the_game_goes_with_its_trainer(executable: Path) -> None:
         pid = int(trainer.stdout.readline())
         assert not is_gone(pid, 0.1)
         trainer.kill()
-    assert is_gone(pid, 3.0)
+    assert is_gone(pid)
 
 
 def test_what_the_game_cannot_do_is_said(open_game: Open, executable: Path) -> None:

@@ -190,11 +190,11 @@ def test_people_may_watch_a_trainer(executable: Path) -> None:
         with open_pool(executable, settings) as pool:
             pool.reset(0)
             began = time.monotonic()
-            for _ in range(30):
+            for _ in range(120):
                 pool.step(zeros(pool))
             times.append(time.monotonic() - began)
     hurried, watched = times
-    assert watched >= 29 * 2 / 60
+    assert watched >= 119 * 2 / 60
     assert hurried < watched
 
 

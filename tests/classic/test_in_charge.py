@@ -21,9 +21,9 @@ from ludus.engine import (
 from ludus.model import read_model
 from tests.classic.projects import Events, classic_game
 
-pytestmark = pytest.mark.engine
+pytestmark = [pytest.mark.engine, pytest.mark.timeout(600)]
 
-TIMEOUT_S = 150.0
+TIMEOUT_S = 400.0
 
 # A person at the keyboard: a key, and what is waited for before the next one.
 PERSON = """\

@@ -24,10 +24,10 @@ from ludus.serve.godot_ai.serving import ServeConfig
 from tests.classic.projects import Events, classic_game, original_game
 from tests.serve.conftest import Running
 
-pytestmark = pytest.mark.engine
+pytestmark = [pytest.mark.engine, pytest.mark.timeout(600)]
 
 ROUNDS = 26
-TIMEOUT_S = 150.0
+TIMEOUT_S = 400.0
 FOLDER = "AIServerCommFiles"
 
 # Plays the policies of both kinds of file, and writes down what they put out.

@@ -102,7 +102,12 @@ def test_a_run_that_dies_meanwhile(running: Any, capsys: pytest.CaptureFixture[s
     running.send_signal(signal.SIGSTOP)
     assert main(["control", "runs/r", "--save", "--timeout", "0.3"]) == 5
     assert "did not react within 0.3 s" in capsys.readouterr().err
-    killer = threading.Timer(0.5, running.kill)
+
+    def kill_when_asked() -> None:
+        wait_until(lambda: len(list(Path("runs/r/control").iterdir())) == 2)
+        running.kill()
+
+    killer = threading.Thread(target=kill_when_asked)
     killer.start()
     assert main(["control", "runs/r", "--stop"]) == 5
     killer.join()

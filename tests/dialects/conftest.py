@@ -26,7 +26,7 @@ from ludus.wire.reset import ResetRequest
 from tests.godot_gym_api.compiled import WALK
 from tests.godot_gym_api.conftest import make_project
 from tests.gymgodot import conftest as gymgodot
-from tests.gymgodot.conftest import left_processes
+from tests.gymgodot.conftest import left_processes, left_threads
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def nothing_left() -> Iterator[None]:
     before = set(threading.enumerate())
     yield
     assert left_processes() == []
-    assert set(threading.enumerate()) <= before
+    assert left_threads(before) == set()
 
 
 def move(*values: float) -> dict[str, ActionBatch]:

@@ -31,7 +31,7 @@ from tests.dialects.conftest import (
     step,
     walk_of,
 )
-from tests.gymgodot.conftest import left_processes, running_game
+from tests.gymgodot.conftest import left_processes, running_game, started_processes
 
 pytestmark = [pytest.mark.engine, pytest.mark.usefixtures("nothing_left")]
 
@@ -165,7 +165,7 @@ def test_what_these_games_never_ask(session: Session) -> None:
 
 def test_close_ends_the_game(session: Session) -> None:
     begin(session)
-    assert left_processes() != []
+    assert started_processes() != []
     session.close()
     assert left_processes() == []
     session.close()

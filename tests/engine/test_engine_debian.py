@@ -111,7 +111,7 @@ def prefix(tmp_path: Path) -> Path:
 def start(launcher: Path, *arguments: str) -> tuple[bool, str]:
     """Return whether the launcher kept its process id, and what the loader printed."""
     with subprocess.Popen([str(launcher), *arguments], stdout=subprocess.PIPE) as process:
-        output = process.communicate(timeout=10)[0].decode()
+        output = process.communicate(timeout=60)[0].decode()
     pid, _, rest = output.strip().partition(" ")
     return int(pid) == process.pid, rest
 

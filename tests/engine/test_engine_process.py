@@ -159,6 +159,14 @@ def test_rest_of_the_family_may_tidy_up(tmp_path: Path) -> None:
     until(lambda: not group_members(process.pid))
 
 
+def test_once_it_has_ended_the_last_line_is_there() -> None:
+    code = "import os; os.write(1, b'line\\n' * 12000); os.write(1, b'end\\n')"
+    for _ in range(10):
+        with EngineProcess.start(python(code)) as process:
+            assert process.wait(60) == 0
+            assert process.last_lines(1) == ["end"]
+
+
 def test_chatty_process_never_blocks() -> None:
     code = "for i in range(200000): print('line', i)"
     with EngineProcess.start(python(code, num_last_lines=50)) as process:

@@ -159,14 +159,19 @@ def step(session: EngineSession, count: int = 1) -> Batches:
     return session.receive()
 
 
-def is_gone(pid: int, within_s: float) -> bool:
+def is_gone(pid: int, within_s: float = 30.0) -> bool:
     """Wait for the end of a process, which need not be a child."""
     deadline = time.monotonic() + within_s
-    while time.monotonic() < deadline:
-        if not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE:
-            return True
+    while not (has_ended := _has_ended(pid)) and time.monotonic() < deadline:
         time.sleep(0.02)
-    return False
+    return has_ended
+
+
+def _has_ended(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True
 
 
 @pytest.fixture(scope="session")

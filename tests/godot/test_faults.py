@@ -103,23 +103,23 @@ def test_an_engine_killed_in_the_middle_of_a_step(game: Game) -> None:
 
 
 def test_a_frozen_engine(game: Game) -> None:
-    session = game.open(step_timeout_s=1.0)
+    session = game.open(step_timeout_s=2.0)
     reset(session)
     pid = pid_of(session)
     os.kill(pid, signal.SIGSTOP)
     began = time.monotonic()
-    with pytest.raises(EngineTimeout, match="silent for 1 s"):
+    with pytest.raises(EngineTimeout, match="silent for 2 s"):
         step(session)
-    assert time.monotonic() - began < 6.0
+    assert time.monotonic() - began < 15.0
     assert is_gone(pid, 0.1)
 
 
 def test_a_step_that_never_ends(game: Game) -> None:
-    session = game.open(step_timeout_s=1.0)
+    session = game.open(step_timeout_s=2.0)
     reset(session, fault="hang")
     step(session, 3)
     pid = pid_of(session)
-    with pytest.raises(EngineTimeout, match=r"(?s)silent for 1 s.*step_timeout_s"):
+    with pytest.raises(EngineTimeout, match=r"(?s)silent for 2 s.*step_timeout_s"):
         step(session)
     assert is_gone(pid, 0.1)
 
@@ -150,7 +150,7 @@ def test_the_engine_goes_with_its_trainer(game: Game, fault: str) -> None:
         pid = int(trainer.stdout.readline())
         assert not is_gone(pid, 0.1)
         trainer.kill()
-    assert is_gone(pid, 2.0)
+    assert is_gone(pid)
 
 
 # The game's scripts
@@ -255,8 +255,8 @@ def test_a_scene_that_hangs_when_it_is_made(game: Game) -> None:
     game.close()
     began = time.monotonic()
     with pytest.raises(EngineStartError, match=r"(?s)did not tell its spec.*start_timeout_s"):
-        game.open("hangs", start_timeout_s=3.0)
-    assert time.monotonic() - began < 3.0 + 3.5
+        game.open("hangs", start_timeout_s=6.0)
+    assert time.monotonic() - began < 18.0
     assert game.engines() == []
 
 

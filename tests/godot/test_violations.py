@@ -63,7 +63,7 @@ class Trainer:
     def expect_the_end(self, exit_code: int) -> None:
         with pytest.raises(LinkClosed):
             self.link.receive()
-        assert self.process.wait(2.0) == exit_code, self.process.last_lines()
+        assert self.process.wait(20.0) == exit_code, self.process.last_lines()
 
     def close(self) -> None:
         self.link.close()
@@ -126,7 +126,7 @@ def test_a_trainer_that_leaves_ends_the_game(trainer: Trainer, num_bytes: int) -
     trainer.reset()
     trainer.link.send(STEP[:num_bytes])
     trainer.link.close()
-    assert trainer.process.wait(2.0) is not None
+    assert trainer.process.wait(20.0) is not None
 
 
 @pytest.mark.parametrize(
@@ -157,5 +157,5 @@ def test_a_trainer_that_is_silent_for_too_long(trainer: Trainer) -> None:
     config = {**WELCOME["config"], "idle_timeout_s": 1}
     trainer.link.send(json_frame("WELCOME", {**WELCOME, "config": config}))
     trainer.expect(FrameType.SPEC)
-    assert trainer.process.wait(3.0) is not None
+    assert trainer.process.wait(20.0) is not None
     assert any("silent for too long" in line for line in trainer.process.last_lines())

@@ -238,7 +238,8 @@ def reports(log: Path, count: int, deadline_s: float) -> list[dict[str, Any]]:
         assert time.monotonic() < deadline, f"{len(lines)} episodes"
         time.sleep(0.05)
         text = log.read_text() if log.exists() else ""
-        lines = [line for line in text.splitlines(keepends=True) if line.startswith(EPISODE)]
+        *whole, _ = text.split("\n")
+        lines = [line for line in whole if line.startswith(EPISODE)]
     return [json.loads(line.removeprefix(EPISODE)) for line in lines[:count]]
 
 

@@ -156,7 +156,7 @@ def test_the_policy_of_a_scene_plays_without_arguments(
         [program, "--fixed-fps", "60", "--path", root, "-s", str(tmp_path / "own.gd")],
         capture_output=True,
         text=True,
-        timeout=30,
+        timeout=120,
         check=True,
     )
     assert f"cart of LudusAgent: {FULL_LENGTH} in {FULL_LENGTH}\n" in done.stderr, done.stderr

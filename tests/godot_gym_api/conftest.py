@@ -19,7 +19,7 @@ from ludus.dialects.godot_gym_api.messages import State
 from ludus.engine.bundled import runnable_bundled_root
 from ludus.engine.kinds import EngineKind
 from ludus.engine.script_classes import add_script_classes, find_script_classes
-from tests.gymgodot.conftest import left_processes
+from tests.gymgodot.conftest import left_processes, left_threads
 
 ALL: dict[str, list[str]] = {"agent": [], "world": []}
 CLASSES = ("Communication", "PhysicsFramesTimer", "RLAgent", "RLEnvWorld", "RLEnvironment")
@@ -76,7 +76,7 @@ def opener() -> Iterator[Opener]:
     yield made
     made.close()
     assert left_processes() == []
-    assert set(threading.enumerate()) <= before
+    assert left_threads(before) == set()
 
 
 @pytest.fixture(scope="session")

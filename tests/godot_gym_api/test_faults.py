@@ -7,6 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import psutil
 import pytest
 
 from ludus.dialects.godot_gym_api import GodotClient
+from ludus.dialects.godot_gym_api.ports import free_port
 from ludus.errors import (
     EngineCrashed,
     EngineError,
@@ -26,6 +28,7 @@ from ludus.errors import (
 from tests.godot_gym_api.compiled import WALK
 from tests.godot_gym_api.conftest import ALL, Opener, left_processes
 from tests.godot_gym_api.fake_game import Serve, Walk, answering, playing, read_request
+from tests.gymgodot.conftest import await_so, command_of
 
 HUGE = (1 << 26) + 1
 
@@ -138,7 +141,7 @@ def test_a_game_that_never_answers(opener: Opener, data: bytes) -> None:
         began = time.monotonic()
         with pytest.raises(EngineTimeout, match=r"did not answer .*reset.* within 0.6 s") as caught:
             client.reset(ALL)
-        assert time.monotonic() - began < 5.0
+        assert time.monotonic() - began < 15.0
         assert "one client at a time" in caught.value.hint
 
 
@@ -152,27 +155,29 @@ def test_an_answer_that_nobody_asked_for(opener: Opener) -> None:
 
 
 def test_a_game_that_comes_late(opener: Opener) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
-    late = (
-        f"import socket, time; time.sleep(1.0); s = socket.create_server(('127.0.0.1', {port})); "
-        "c = s.accept()[0]; c.recv(99); c.sendall(b'\\x02\\0\\0\\0{}'); c.recv(9)"
-    )
-    command = f"{shlex.quote(sys.executable)} -c {shlex.quote(late)}"
-    client = opener.client(engine_address=("127.0.0.1", port), command=command)
+    with free_port("127.0.0.1") as port:
+        late = (
+            "import socket, time; time.sleep(1.0); "
+            f"s = socket.create_server(('127.0.0.1', {port})); "
+            "c = s.accept()[0]; c.recv(99); c.sendall(b'\\x02\\0\\0\\0{}'); c.recv(9)"
+        )
+        command = f"{shlex.quote(sys.executable)} -c {shlex.quote(late)}"
+        client = opener.client(engine_address=("127.0.0.1", port), command=command)
     assert client.reset(ALL)["agent"] == {}
 
 
 def test_a_game_that_never_comes(opener: Opener) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        address = free.getsockname()
-    began = time.monotonic()
-    with pytest.raises(EngineStartError, match=r"no game listened at .* within 0.5 s") as caught:
-        opener.client(engine_address=address, start_timeout_s=0.5)
-    assert time.monotonic() - began < 5.0
-    assert "communication.start_server" in caught.value.hint
-    with pytest.raises(EngineStartError, match="the process is still running"):
-        opener.client(engine_address=address, start_timeout_s=0.5, command="sleep 60; true")
+    with free_port("127.0.0.1") as port:
+        address = ("127.0.0.1", port)
+        began = time.monotonic()
+        with pytest.raises(
+            EngineStartError, match=r"no game listened at .* within 0.5 s"
+        ) as caught:
+            opener.client(engine_address=address, start_timeout_s=0.5)
+        assert time.monotonic() - began < 15.0
+        assert "communication.start_server" in caught.value.hint
+        with pytest.raises(EngineStartError, match="the process is still running"):
+            opener.client(engine_address=address, start_timeout_s=0.5, command="sleep 60; true")
     assert left_processes() == []
 
 
@@ -203,11 +208,19 @@ def test_a_target_that_is_no_project(opener: Opener, tmp_path: Path, target: str
         opener.client(engine_address=("127.0.0.1", 0), target=tmp_path)
 
 
+def interrupt_after_a_request(connection: socket.socket) -> None:
+    read_request(connection)
+    time.sleep(0.3)  # the client waits for its answer now
+    waiting = threading.main_thread().ident
+    assert waiting is not None
+    signal.pthread_kill(waiting, signal.SIGALRM)
+    read_request(connection)
+
+
 def test_an_interrupt_ends_the_conversation(opener: Opener) -> None:
-    with playing(bytes_after_a_request(b"")) as address:
+    with playing(interrupt_after_a_request) as address:
         client = opener.client(engine_address=address)
         before = signal.signal(signal.SIGALRM, signal.default_int_handler)
-        signal.setitimer(signal.ITIMER_REAL, 0.3)
         try:
             with pytest.raises(KeyboardInterrupt):
                 client.reset(ALL)
@@ -226,15 +239,17 @@ GodotClient(None, ("127.0.0.1", 0), command="sleep 300 #")
 def test_a_silent_game_goes_with_its_trainer() -> None:
     """Not even a pipe that breaks ends a game that prints nothing."""
     with subprocess.Popen([sys.executable, "-c", START_AND_WAIT]) as trainer:
-        deadline = time.monotonic() + 20.0
         games: list[psutil.Process] = []
-        while len(games) < 2 and time.monotonic() < deadline:
-            time.sleep(0.1)
-            games = psutil.Process(trainer.pid).children(recursive=True)
-        assert any(game.cmdline()[:2] == ["sleep", "300"] for game in games)
+
+        def is_playing() -> bool:
+            games[:] = psutil.Process(trainer.pid).children(recursive=True)
+            return any(command_of(game)[:2] == ["sleep", "300"] for game in games)
+
+        await_so(is_playing)
+        assert is_playing()
         trainer.kill()
         trainer.wait(10.0)
-    assert psutil.wait_procs(games, timeout=10.0)[1] == []
+    assert psutil.wait_procs(games, timeout=30.0)[1] == []
 
 
 def test_leaving_the_block_closes(opener: Opener) -> None:

@@ -69,7 +69,7 @@ class Game:
             return client.step(1.0, ALL)["world"].frames == 3
 
     def said(self, what: str) -> bool:
-        deadline = time.monotonic() + 15.0
+        deadline = time.monotonic() + 30.0
         while time.monotonic() < deadline:
             if any(what in line for line in self.process.last_lines()):
                 return True
@@ -109,7 +109,7 @@ def frame(payload: bytes) -> bytes:
 
 def is_sent_away(connection: socket.socket) -> bool:
     """Whether the game closes the connection; an answer before would be an error."""
-    connection.settimeout(10.0)
+    connection.settimeout(30.0)
     try:
         return connection.recv(1) == b""
     except ConnectionError:
@@ -185,10 +185,10 @@ def test_unknown_keys_do_no_harm(game: Game) -> None:
 @pytest.mark.parametrize("data", [b"\x20", frame(b'{"reset": 1}')[:-1]], ids=["length", "request"])
 def test_half_a_request_for_ever(game: Game, data: bytes) -> None:
     with game.connect() as connection:
-        connection.sendall(data)
         began = time.monotonic()
+        connection.sendall(data)
         assert is_sent_away(connection)
-        assert 3.0 < time.monotonic() - began < 9.0
+        assert 3.0 < time.monotonic() - began < 20.0
     assert game.said(f"did not come whole within 5 s: {len(data)} of")
     assert game.serves()
 
@@ -283,7 +283,7 @@ def test_a_second_client_waits(game: Game) -> None:
             second.recv(1)
         assert game.said("Another client waits until this one has gone.")
         first.close()
-        second.settimeout(10.0)
+        second.settimeout(30.0)
         assert read_answer(second) == {}
     assert game.serves()
 
@@ -319,5 +319,5 @@ def test_ctrl_c_while_it_waits(game: Game, project: Path) -> None:
         client.reset(ALL)
         time.sleep(0.3)
         os.kill(process.pid, signal.SIGINT)
-        assert process.wait(5.0) is not None
+        assert process.wait(20.0) is not None
     assert game.serves()

@@ -27,7 +27,7 @@ from ludus.errors import (
 )
 from tests.godot_gym_api.compiled import WALK
 from tests.godot_gym_api.conftest import ALL, Opener, left_processes
-from tests.gymgodot.conftest import ROOT
+from tests.gymgodot.conftest import ROOT, command_of, started_processes
 
 pytestmark = pytest.mark.engine
 
@@ -76,13 +76,16 @@ def test_frames_pass_while_nobody_asks(
     monkeypatch.setenv("WALK_BLOCKS", blocks)
     client = started(opener, project)
     client.reset(ALL)
+    passed: list[int] = []
     before = client.step(0.25, {"world": ["idle_frames"]})["world"]
-    time.sleep(0.5)
-    after = client.step(0.25, {"world": ["idle_frames"]})["world"]
-    assert (before.frames, after.frames) == (4, 8)
-    num_frames = after.idle_frames - before.idle_frames
-    assert num_frames > 15 if blocks == "no" else num_frames < 8
-    for count in range(3, 50):
+    # On a busy machine frames take longer, but there is no end of them.
+    while not passed or (blocks == "no" and passed[-1] <= 15 and len(passed) < 20):
+        time.sleep(0.5)
+        after = client.step(0.25, {"world": ["idle_frames"]})["world"]
+        passed.append(after.idle_frames - before.idle_frames)
+        before = after
+    assert passed[-1] > 15 if blocks == "no" else passed[-1] < 8
+    for count in range(len(passed) + 2, 50):
         assert client.step(0.25, ALL)["world"].frames == 4 * count
 
 
@@ -223,7 +226,7 @@ def test_other_machines_are_kept_out(
 ) -> None:
     monkeypatch.setenv("WALK_ADDRESS", "0.0.0.0")
     with pytest.raises(EngineStartError, match="lets other machines connect"):
-        started(opener, project, start_timeout_s=3.0)
+        started(opener, project, start_timeout_s=6.0)
 
 
 def test_a_killed_game(opener: Opener, project: Path) -> None:
@@ -259,15 +262,15 @@ def test_the_game_goes_with_its_trainer(project: Path) -> None:
         assert trainer.stdout is not None
         assert trainer.stdout.readline() == "ready\n"
         games = psutil.Process(trainer.pid).children(recursive=True)
-        assert any("godot" in " ".join(game.cmdline()) for game in games)
+        assert any("godot" in " ".join(command_of(game)) for game in games)
         trainer.kill()
         trainer.wait(10.0)
-    assert psutil.wait_procs(games, timeout=10.0)[1] == []
+    assert psutil.wait_procs(games, timeout=30.0)[1] == []
 
 
 def test_close_ends_the_game(opener: Opener, project: Path) -> None:
     client = started(opener, project)
     client.reset(ALL)
-    assert left_processes() != []
+    assert started_processes() != []
     client.close()
     assert left_processes() == []

@@ -6,7 +6,7 @@ import shlex
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from ludus.dialects.gymgodot.env import GymGodotEnv
 
 ROOT = Path(__file__).parents[2]
 ACTIONS = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
+_DEADLINE_S = 20.0
 _NO_GAMES = {"", "sh", "dash", "bash", "sleep"}
 OBSERVATIONS = gymnasium.spaces.Box(-np.inf, np.inf, (2,), np.float32)
 
@@ -63,12 +64,36 @@ def game_of(env: gymnasium.Env[Any, Any]) -> GymGodotEnv:
     return unwrapped
 
 
+def started_processes() -> list[psutil.Process]:
+    """Return the processes that this one started, and those that they started."""
+    return psutil.Process().children(recursive=True)
+
+
 def left_processes() -> list[str]:
-    """Return the commands of processes that this one started; they get a second to go."""
-    deadline = time.monotonic() + 1.0
-    while (children := psutil.Process().children(recursive=True)) and time.monotonic() < deadline:
+    """Return the commands of started processes that do not go."""
+    await_so(lambda: not started_processes())
+    return [str(child) for child in started_processes()]
+
+
+def left_threads(before: set[threading.Thread]) -> set[threading.Thread]:
+    """Return the threads that have come since, and do not go."""
+    await_so(lambda: set(threading.enumerate()) <= before)
+    return set(threading.enumerate()) - before
+
+
+def await_so(is_so: Callable[[], bool]) -> None:
+    """Wait until something is so; on a busy machine even an end takes its time."""
+    deadline = time.monotonic() + _DEADLINE_S
+    while not is_so() and time.monotonic() < deadline:
         time.sleep(0.02)
-    return [str(child) for child in children]
+
+
+def command_of(process: psutil.Process) -> list[str]:
+    """Return the command line of a process; nothing if it has ended."""
+    try:
+        return process.cmdline()
+    except psutil.NoSuchProcess:
+        return []
 
 
 def running_game() -> psutil.Process:
@@ -79,8 +104,7 @@ def running_game() -> psutil.Process:
 
 def running_games() -> list[psutil.Process]:
     """Return the processes of games, without their shells and what ends them with us."""
-    children = psutil.Process().children(recursive=True)
-    return [process for process in children if _name(process) not in _NO_GAMES]
+    return [process for process in started_processes() if _name(process) not in _NO_GAMES]
 
 
 def _name(process: psutil.Process) -> str:
@@ -99,4 +123,4 @@ def opener() -> Iterator[Opener]:
     yield made
     made.close()
     assert left_processes() == []
-    assert set(threading.enumerate()) <= before
+    assert left_threads(before) == set()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -16,6 +15,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import TimeLimit
 from PIL import Image
 
+from ludus.dialects.godot_gym_api.ports import free_port
 from ludus.errors import ActionError, ConfigError, SequenceError, UsageError
 from tests.gymgodot.conftest import ROOT, Opener, fake_command, game_of, left_processes
 from tests.gymgodot.fake_game import CONVERSATION
@@ -157,16 +157,16 @@ def test_a_vector_of_games(opener: Opener) -> None:
 
 
 def test_a_game_that_somebody_else_starts(opener: Opener) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
-    arguments = (f"--serverPort={port}", "--serverIP=127.0.0.1", "--renderPath=x")
-    command = [sys.executable, "-m", "tests.gymgodot.fake_game", "patient", *arguments]
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL) as game:
+    with free_port("127.0.0.1") as port:
+        arguments = (f"--serverPort={port}", "--serverIP=127.0.0.1", "--renderPath=x")
+        command = [sys.executable, "-m", "tests.gymgodot.fake_game", "patient", *arguments]
+        game = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL)
         env = opener.open("", exeCmd=None, serverPort=port)
+    with game:
         env.reset()
         assert env.step(HALF)[0].tolist() == [0.5, 1.0]
         env.close()
-        assert game.wait(10.0) == 0
+        assert game.wait(30.0) == 0
 
 
 def test_what_the_game_prints_is_kept(opener: Opener, tmp_path: Path) -> None:

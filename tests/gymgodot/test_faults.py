@@ -98,17 +98,17 @@ def test_a_killed_game(opener: Opener) -> None:
 def test_a_game_that_never_answers(opener: Opener, name: str) -> None:
     # So many numbers that no end of the message is in sight before the deadline.
     space = gymnasium.spaces.Box(-np.inf, np.inf, (2,) if name != "split" else (1 << 20,))
-    env = opener.fake(name, step_timeout_s=1.0, observation_space=space)
+    env = opener.fake(name, step_timeout_s=2.0, observation_space=space)
     game = game_of(env).game
     game.reset()
     for _ in range(2):
         game.begin_step([0.25])
         game.end_step()
     began = time.monotonic()
-    with pytest.raises((EngineTimeout, ProtocolError), match=r"did not answer.*within 1 s|too lo"):
+    with pytest.raises((EngineTimeout, ProtocolError), match=r"did not answer.*within 2 s|too lo"):
         game.begin_step([0.25])
         game.end_step()
-    assert time.monotonic() - began < 10.0
+    assert time.monotonic() - began < 20.0
     assert left_processes() == []
 
 
@@ -140,9 +140,9 @@ def test_a_command_that_does_not_exist(opener: Opener) -> None:
 def test_a_game_that_never_comes(opener: Opener, name: str, what: str) -> None:
     began = time.monotonic()
     with pytest.raises(EngineStartError, match=what) as caught:
-        opener.fake(name, start_timeout_s=1.0 if name == "never" else 5.0)
+        opener.fake(name, start_timeout_s=1.0 if name == "never" else 8.0)
     assert "start_timeout_s" in caught.value.hint
-    assert time.monotonic() - began < 15.0
+    assert time.monotonic() - began < 25.0
     assert left_processes() == []
 
 
@@ -199,9 +199,11 @@ def test_an_interrupt_ends_the_game(opener: Opener) -> None:
     env.reset()
     for _ in range(2):
         env.step(STEP)
-    signal.signal(signal.SIGALRM, signal.default_int_handler)
-    signal.setitimer(signal.ITIMER_REAL, 0.3)
-    with pytest.raises(KeyboardInterrupt):
-        env.step(STEP)
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            signal.setitimer(signal.ITIMER_REAL, 1.0)
+            env.step(STEP)
+    finally:
+        signal.signal(signal.SIGALRM, before)
     assert left_processes() == []

@@ -18,7 +18,7 @@ from ludus.engine import EngineKind, find_engine
 from ludus.errors import EngineCrashed, GameError
 from ludus.record import RecordConfig, record
 from ludus.record.screen import screen
-from tests.gymgodot.conftest import Opener, left_processes
+from tests.gymgodot.conftest import Opener, await_so, left_processes, started_processes
 from tests.record.games import frames_of
 
 pytestmark = pytest.mark.engine
@@ -77,7 +77,8 @@ def test_frames_show_the_cart_as_it_moves(project: Path, opener: Opener) -> None
         assert abs(columns[-1] - 320) == pytest.approx(abs(place) * PIXELS_PER_METRE, abs=6)
     assert columns[0] < 315 and columns[1] > 325
     env.close()
-    assert len(left_processes()) == 1, "the screen is still there"
+    await_so(lambda: len(started_processes()) == 1)
+    assert len(started_processes()) == 1, "the screen is still there"
 
 
 @pytest.mark.usefixtures("_screen")

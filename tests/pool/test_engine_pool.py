@@ -60,7 +60,7 @@ class Fleet:
             raise EngineStartError(f"engine {engine} is broken")
         fake = FakeEngine(lambda talk: self._play(talk, engine, start), POLICIES)
         self.engines[engine, start] = fake
-        timeout_s = 0.3 if (engine, start) in self.frozen else 5.0
+        timeout_s = 1.0 if (engine, start) in self.frozen else 5.0
         session = EngineSession(
             fake.link(), EngineConfig(), Supervision(None), step_timeout_s=timeout_s
         )

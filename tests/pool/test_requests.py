@@ -52,7 +52,7 @@ class Games:
         self.num_starts[engine] = life + 1
         fake = FakeEngine(lambda talk: self._play(talk, engine, life))
         self.engines.append(fake)
-        timeout_s = 0.3 if engine in self.frozen else 5.0
+        timeout_s = 1.0 if engine in self.frozen else 5.0
         supervision = Supervision(None)
         session = EngineSession(fake.link(), EngineConfig(), supervision, step_timeout_s=timeout_s)
         self.sessions.append(session)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 import torch
 
@@ -154,6 +156,22 @@ def client(start: Start) -> Client:
     client = start().client()
     assert client.init() == {"done": True}
     return client
+
+
+def await_work(pid: int, cpu_s: float) -> None:
+    """Wait until a process has computed for so long, however busy the machine is."""
+    process = psutil.Process(pid)
+    goal = sum(process.cpu_times()[:2]) + cpu_s
+    deadline = time.monotonic() + DEADLINE_S
+    while sum(process.cpu_times()[:2]) < goal:
+        assert time.monotonic() < deadline, "nothing is computed"
+        time.sleep(0.02)
+
+
+def saved_steps(project: Path) -> int:
+    """Return the gradient steps of the newest checkpoint."""
+    states = [json.loads(path.read_text()) for path in project.rglob("state.json")]
+    return max(state["run"]["gradient_steps"] for state in states)
 
 
 def replays(count: int, name: str = "hero", seed: int = 0, **changes: Any) -> list[dict[str, Any]]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from ludus.cli.main import main
-from tests.serve.conftest import DEADLINE_S, Client, replays
+from tests.serve.conftest import DEADLINE_S, Client, await_work, replays, saved_steps
 
 
 def test_a_dialect_must_be_known(capsys: pytest.CaptureFixture[str]) -> None:
@@ -54,16 +54,16 @@ def test_signals_save_and_end_it(tmp_path: Path, signum: signal.Signals) -> None
         client = Client(_port(log, process), tmp_path)
         assert client.init() == {"done": True}
         assert client.submit(replays(40)) == {"done": True}
+        assert client.train(1) == {"done": True}
         client.send(json.dumps({"command": "train", "file_name": "hero", "steps": 10**6}).encode())
-        time.sleep(0.5)
+        await_work(process.pid, 0.5)
         process.send_signal(signum)
         assert process.wait(DEADLINE_S) == 128 + signum
         client.close()
     finally:
         process.kill()
         process.wait()
-    (state,) = tmp_path.rglob("state.json")
-    assert json.loads(state.read_text())["run"]["gradient_steps"] > 0
+    assert 1 < saved_steps(tmp_path) < 10**6
     assert "Traceback" not in log.read_text()
 
 

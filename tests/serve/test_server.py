@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import logging
+import os
+import re
+import select
 import socket
 import struct
 import threading
@@ -15,17 +18,17 @@ import pytest
 
 from ludus.errors import RunError, SetupError, TargetError
 from ludus.serve.godot_ai.server import POLL_S, Server, ServerConfig
-from tests.serve.conftest import DEADLINE_S, INIT, Client, Start, replays
+from tests.serve.conftest import DEADLINE_S, INIT, Client, Start, await_work, replays, saved_steps
 
 DONE = {"done": True}
 
 
-def wait_for(text: str, caplog: pytest.LogCaptureFixture) -> None:
+def wait_for(pattern: str, caplog: pytest.LogCaptureFixture) -> None:
     """Wait until the server has logged something."""
     deadline = time.monotonic() + DEADLINE_S
-    while text not in caplog.text and time.monotonic() < deadline:
+    while not re.search(pattern, caplog.text) and time.monotonic() < deadline:
         time.sleep(0.02)
-    assert text in caplog.text
+    assert re.search(pattern, caplog.text), caplog.text
 
 
 def test_messages_byte_by_byte(client: Client) -> None:
@@ -67,13 +70,12 @@ def test_strangers_are_told_and_dropped(start: Start, data: bytes) -> None:
 def test_half_a_message_for_ever(start: Start, caplog: pytest.LogCaptureFixture) -> None:
     running = start(message_timeout_s=1.0)
     idle, slow = running.client(), running.client()
-    begun_at = time.monotonic()
     slow.send(b'{"command": ')
-    for _ in range(5):  # a trickle does not help
-        time.sleep(0.25)
+    deadline = time.monotonic() + DEADLINE_S / 2
+    while not select.select([slow.socket], [], [], 0.25)[0]:  # a trickle does not help
+        assert time.monotonic() < deadline
         slow.send(b" ")
     assert "the rest of a message did not come within 1 s" in slow.receive()["error"]
-    assert time.monotonic() - begun_at < 10.0
     assert slow.is_dropped()
     wait_for("was dropped", caplog)
     assert idle.init() == DONE, "silence between messages is no fault"
@@ -99,17 +101,21 @@ def test_a_client_that_goes_in_the_middle(start: Start, caplog: pytest.LogCaptur
     assert running.client().init() == DONE
 
 
-def test_a_client_that_does_not_wait_for_its_answers(start: Start) -> None:
+def test_a_client_that_does_not_wait_for_its_answers(
+    start: Start, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
     running = start()
     client = running.client()
     client.init()
     client.submit(replays(40))
     client.send(json.dumps({"command": "train", "file_name": "hero", "steps": 30}).encode())
     client.close()
+    # What two clients say comes in no order.
+    wait_for("has gone|the connection has ended", caplog)
     again = running.client()
     assert again.train(1) == DONE
-    states = [json.loads(path.read_text()) for path in running.project.rglob("state.json")]
-    assert max(state["run"]["gradient_steps"] for state in states) == 31
+    assert saved_steps(running.project) == 31
 
 
 def test_several_clients_share_the_agents(start: Start) -> None:
@@ -197,13 +203,11 @@ def test_stopping_ends_connections_and_training_and_saves(start: Start) -> None:
     client = running.client()
     client.init()
     client.submit(replays(40))
+    assert client.train(1) == DONE
     client.send(json.dumps({"command": "train", "file_name": "hero", "steps": 10**6}).encode())
-    time.sleep(0.5)
-    begun_at = time.monotonic()
+    await_work(os.getpid(), 0.5)
     running.stop()
-    assert time.monotonic() - begun_at < 20.0
-    (state,) = running.project.rglob("state.json")
-    assert 0 < json.loads(state.read_text())["run"]["gradient_steps"] < 10**6
+    assert 1 < saved_steps(running.project) < 10**6
 
 
 def test_a_folder_that_is_no_game(

@@ -176,12 +176,12 @@ def test_wrong_actions_leave_the_session_usable(open_with: Opener) -> None:
 
 
 def test_an_engine_that_never_answers(open_with: Opener) -> None:
-    session = open_with(answering({}), step_timeout_s=0.3)
+    session = open_with(answering({}), step_timeout_s=1.0)
     reset(session)
     began = time.monotonic()
-    with pytest.raises(EngineTimeout, match=r"silent for 0\.3 s"):
+    with pytest.raises(EngineTimeout, match="silent for 1 s"):
         step(session)
-    assert time.monotonic() - began < 2.0
+    assert time.monotonic() - began < 5.0
     assert_ended(session)
 
 

@@ -150,6 +150,6 @@ def test_an_engine_that_never_tells_its_spec(open_with: Opener, when: str) -> No
     began = time.monotonic()
     with pytest.raises(EngineStartError, match=r"(?s)silent for 0\.3 s.*start_timeout_s"):
         open_with(behave, start_timeout_s=0.3)
-    assert time.monotonic() - began < 2.0
+    assert time.monotonic() - began < 5.0
     open_with.engines[0].join()
     assert b'"code":"timeout"' in open_with.engines[0].talk.received[-1][1]

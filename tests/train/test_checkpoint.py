@@ -47,6 +47,18 @@ def test_keeps_the_newest_and_the_best(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
 
 
+def test_a_run_that_goes_on_drops_what_was_listed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store = CheckpointStore(tmp_path, keep=1)
+    store.write(checkpoint(1))
+    listed = [store.paths()]
+    store.write(checkpoint(2))
+    paths = store.paths
+    monkeypatch.setattr(store, "paths", lambda: listed.pop() if listed else paths())
+    assert store.newest()[1].agent_steps == 2
+
+
 def damage_tensors(path: Path) -> None:
     data = bytearray((path / "tensors.safetensors").read_bytes())
     data[-3] ^= 1

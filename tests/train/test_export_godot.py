@@ -7,7 +7,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
 import torch
 
@@ -26,6 +25,7 @@ from ludus.train.export.parity import (
 )
 from ludus.train.export.parity_files import REQUEST
 from ludus.train.policy import Policy
+from tests.gymgodot.conftest import command_of, started_processes
 from tests.train.trained_runs import MIXED, SIMPLE, make_policy
 
 pytestmark = pytest.mark.engine
@@ -41,13 +41,9 @@ def godot4() -> InstalledEngine:
 
 
 def engines() -> list[int]:
-    """Return the ids of all parity tests in Godot."""
+    """Return the ids of the parity tests in Godot that we have started."""
     script = str(godot_runtime.SCRIPT)
-    return [
-        process.pid
-        for process in psutil.process_iter(["cmdline", "status"])
-        if script in (process.info["cmdline"] or ()) and process.info["status"] != "zombie"
-    ]
+    return [process.pid for process in started_processes() if script in command_of(process)]
 
 
 def measure(policy: Policy, folder: Path, engine: InstalledEngine) -> ParityReport:
@@ -117,8 +113,13 @@ def write_broken_request(folder: Path, path: Path, *_: object) -> None:
 def test_an_engine_that_takes_too_long_is_ended(
     godot4: InstalledEngine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(godot_runtime, "TIMEOUT_S", 0.01)
+    """The real engine, which somebody stops before it can begin."""
+    stopped = tmp_path / "stopped"
+    program = godot4.executable(headless=True)
+    stopped.write_text(f'#!/bin/sh\nkill -STOP $$\nexec "{program}" "$@"\n')
+    stopped.chmod(0o755)
+    monkeypatch.setattr(godot_runtime, "TIMEOUT_S", 0.5)
     with pytest.raises(EngineTimeout, match="did not test the policy within") as error:
-        measure(make_policy(SIMPLE), tmp_path, godot4)
+        measure(make_policy(SIMPLE), tmp_path, dataclasses.replace(godot4, path=stopped))
     assert "--no-parity" in error.value.hint
     assert engines() == []

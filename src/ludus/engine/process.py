@@ -89,12 +89,14 @@ class EngineProcess:
         return self._group.wait(timeout_s)
 
     def last_lines(self, count: int | None = None) -> list[str]:
-        """Return the newest lines the process wrote, oldest first."""
+        """Return the newest lines the process wrote, oldest first; once it has ended, the last."""
+        self._await_rest()
         return self._output.last_lines(count)
 
     @property
     def script_errors(self) -> list[str]:
         """What the game's scripts did wrong, as the engine printed it; cheap if nothing."""
+        self._await_rest()
         return self._output.script_errors()
 
     def describe_death(self) -> str:
@@ -102,10 +104,15 @@ class EngineProcess:
 
         Lines that report a mistake are marked by ``!``, and shown even if other lines followed.
         """
-        if self.poll() is not None:
-            self._output.join(_DRAIN_TIMEOUT_S)
+        self.poll()
+        self._await_rest()
         lines = [_describe_exit(self.poll()), f"command: {shlex.join(self._config.command)}"]
         return "\n".join([*lines, *self._report()])
+
+    def _await_rest(self) -> None:
+        """Wait for what a process that is known to have ended wrote last."""
+        if self._group.popen.returncode is not None:
+            self._output.join(_DRAIN_TIMEOUT_S)
 
     def _report(self) -> list[str]:
         marked = mark_errors(self.last_lines())

@@ -19,7 +19,7 @@ from pathlib import Path
 __all__ = ["ProcessGroup"]
 
 _POLL_S = 0.005
-_REST_GRACE_S = 0.5
+_REST_GRACE_S = 2.0
 
 
 class ProcessGroup:

@@ -9,7 +9,7 @@ from ludus.errors import EngineCrashed, EngineError, EngineTimeout, GameError
 
 __all__ = ["Supervision"]
 
-_SETTLE_S = 1.0
+_SETTLE_S = 3.0
 _OUTPUT_SETTLE_S = 0.1
 
 

@@ -220,11 +220,16 @@ class CheckpointStore:
         Raises:
             CheckpointError: There is none.
         """
-        for path in reversed(self.paths()):
-            try:
-                return path, read_checkpoint(path, has_replay=has_replay)
-            except CheckpointError as error:
-                log.warning("%s; trying an older one", error.message)
+        tried: set[Path] = set()
+        # A run that goes on may drop all that were there, and write others, while they are read.
+        while untried := [path for path in self.paths() if path not in tried]:
+            for path in reversed(untried):
+                try:
+                    return path, read_checkpoint(path, has_replay=has_replay)
+                except CheckpointError as error:
+                    if path.is_dir():
+                        log.warning("%s; trying an older one", error.message)
+            tried.update(untried)
         raise CheckpointError(
             f"no checkpoint in {self.folder} can be loaded", "start a new run without --resume"
         )

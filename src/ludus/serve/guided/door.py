@@ -23,9 +23,10 @@ from ludus.wire.training import Training, read_training
 __all__ = ["Door", "Visitor"]
 
 POLL_S = 0.1
-BACKLOG = 16
 MAX_GUESTS = 64
 """More at once, none of which has greeted, are dropped."""
+BACKLOG = 2 * MAX_GUESTS
+"""Whoever finds no room here tries again a second later, and only then is dropped or let in."""
 
 log = logging.getLogger(__name__)
 
