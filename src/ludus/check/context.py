@@ -148,7 +148,8 @@ class CheckContext:
             godot=self.config.godot,
             launch=self.config.launch,
         )
-        return open_pool(self.config.target, settings)
+        # An executable is what the target was built to; it is not built for each engine again.
+        return open_pool(self._target.executable or self.config.target, settings)
 
 
 def _engine_version(pool: EnginePool) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 
 from ludus.check.context import CheckContext, OneEngineOnly
@@ -15,6 +16,7 @@ from ludus.pool import EnginePool
 __all__ = ["check_layouts"]
 
 TITLE = "isolated and grid play the same episodes"
+LAYOUTS = {"isolated": "isolated", "grid": "in the grid"}
 SCRIPT_STEPS = 64
 NUM_SLICES = 8
 GRID_HINT = (
@@ -27,20 +29,22 @@ def check_layouts(context: CheckContext) -> list[Finding]:
     """Play in both layouts, compare the episodes and the speed."""
     num = context.config.num_layout_worlds
     asks_for_grid = context.spec.layout == "grid"
-    try:
-        with (
-            context.other_pool(num_worlds=num, layout="grid") as grid_pool,
-            context.other_pool(num_worlds=num, layout="isolated") as isolated_pool,
-        ):
-            isolated = record(isolated_pool, context.config.seed, context.config.num_steps)
-            grid = record(grid_pool, context.config.seed, context.config.num_steps)
-            speeds = _agent_steps_per_s((isolated_pool, grid_pool), context)
-    except OneEngineOnly as error:
-        return [info(TITLE, error.message, error.hint)]
-    except TargetError as error:
-        if asks_for_grid:
-            raise
-        return [info(TITLE, f"this scene cannot run in the grid: {error.message}")]
+    other = "isolated" if asks_for_grid else "grid"
+    with contextlib.ExitStack() as pools:
+        try:
+            own_pool = pools.enter_context(context.other_pool(num_worlds=num))
+        except OneEngineOnly as error:
+            return [info(TITLE, error.message, error.hint)]
+        try:
+            other_pool = pools.enter_context(context.other_pool(num_worlds=num, layout=other))
+        except TargetError as error:
+            return [info(TITLE, f"this game does not run {LAYOUTS[other]}: {error.message}")]
+        isolated_pool, grid_pool = (
+            (other_pool, own_pool) if asks_for_grid else (own_pool, other_pool)
+        )
+        isolated = record(isolated_pool, context.config.seed, context.config.num_steps)
+        grid = record(grid_pool, context.config.seed, context.config.num_steps)
+        speeds = _agent_steps_per_s((isolated_pool, grid_pool), context)
     comparison = compare_episodes(isolated, grid)
     return [
         _verdict(comparison, grid, asks_for_grid=asks_for_grid),
