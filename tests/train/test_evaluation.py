@@ -4,7 +4,6 @@ import pytest
 
 from ludus.errors import RunError
 from ludus.pool.gymnasium_pool import GymnasiumPool
-from ludus.train import evaluation
 from ludus.train.config import PPOConfig
 from ludus.train.evaluation import evaluate
 from ludus.train.policy import Policy
@@ -42,8 +41,7 @@ def test_sampling_differs_by_seed_and_repeats() -> None:
     assert returns(1) != returns(2)
 
 
-def test_endless_episodes_give_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(evaluation, "MAX_STEPS", 50)
+def test_endless_episodes_give_an_error() -> None:
     pool = GymnasiumPool("Endless-v0", num_worlds=1)
     with pytest.raises(RunError, match="0 of 2 episodes ended within 50 steps"):
-        evaluate(policy(pool), pool, 2)
+        evaluate(policy(pool), pool, 2, max_steps=50)

@@ -19,6 +19,7 @@ import torch
 
 from ludus.errors import CheckpointError, DivergenceError, EngineCrashed, RunError
 from ludus.pool.gymnasium_pool import GymnasiumPool
+from ludus.train import loop
 from ludus.train.checkpoint import Checkpoint, read_checkpoint
 from ludus.train.loop import train
 from ludus.train.metrics import METRICS, POLICY_METRICS, read_metrics
@@ -51,6 +52,20 @@ def test_leaves_a_complete_folder(small: Any) -> None:
     assert (result.stop_reason, result.agent_steps, result.updates) == ("total_steps", 640, 10)
     evaluation = json.loads((result.run / "evaluation.json").read_bytes())
     assert len(evaluation["agent"]["returns"]) == 20
+
+
+def test_a_run_whose_episodes_never_end_is_whole(
+    small: Any, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(loop, "ENDLESS_STEPS", 50)
+    result = train(small("gym:Endless-v0", evaluation_episodes=2))
+    assert (result.stop_reason, result.agent_steps, result.evaluation) == ("total_steps", 640, {})
+    assert (
+        "no evaluation: policy agent: 0 of 2 episodes ended within 50 steps; set max_ep"
+        in caplog.text
+    )
+    written = json.loads((result.run / "result.json").read_bytes())
+    assert (written["stop_reason"], written["evaluation"]) == ("total_steps", {})
 
 
 def test_every_metric_is_documented_and_steps_grow(small: Any) -> None:

@@ -18,7 +18,7 @@ from ludus.train.policy import Player, Policy
 __all__ = ["Evaluation", "Quota", "evaluate", "seeded_generator"]
 
 MAX_STEPS = 100_000
-"""Steps after which an evaluation gives up waiting for episodes to end."""
+"""Steps after which an evaluation usually gives up waiting for episodes to end."""
 
 
 @dataclass(frozen=True)
@@ -118,6 +118,7 @@ def evaluate(
     *,
     sampled: Collection[str] = (),
     seed: int = 0,
+    max_steps: int = MAX_STEPS,
 ) -> dict[str, Evaluation]:
     """Play ``episodes`` episodes of every policy and return how they went.
 
@@ -131,9 +132,10 @@ def evaluate(
         sampled: Names of policies whose actions are drawn, as in training; the others take their
             most probable ones.
         seed: Seed of worlds and samples.
+        max_steps: Steps of the pool after which it gives up waiting for episodes to end.
 
     Raises:
-        RunError: Some episodes did not end within ``MAX_STEPS`` steps.
+        RunError: Some episodes did not end within ``max_steps`` steps.
     """
     players = {
         name: Player(
@@ -145,7 +147,7 @@ def evaluate(
     }
     batches = pool.reset(seed)
     quotas = {name: Quota(batches[name], episodes) for name in policies}
-    for _ in range(MAX_STEPS):
+    for _ in range(max_steps):
         if all(quota.is_met for quota in quotas.values()):
             break
         batches = pool.step({name: player.act(batches[name]) for name, player in players.items()})
@@ -155,8 +157,8 @@ def evaluate(
         if not quota.is_met or not quota.returns:
             raise RunError(
                 f"policy {name}: {len(quota.returns)} of {episodes} episodes ended "
-                f"within {MAX_STEPS} steps",
-                "set max_episode_steps",
+                f"within {max_steps} steps",
+                "set max_episode_steps, in the game or with --max-episode-steps",
             )
     return {name: Evaluation.of(quota.returns, quota.lengths) for name, quota in quotas.items()}
 

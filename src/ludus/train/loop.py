@@ -11,13 +11,13 @@ from pathlib import Path
 
 import torch
 
-from ludus.errors import DivergenceError, UsageError
+from ludus.errors import DivergenceError, RunError, UsageError
 from ludus.pool.interface import Pool
 from ludus.spec import PolicySpec
 from ludus.train.checkpoint import check_spec
 from ludus.train.config import TrainConfig
 from ludus.train.curve import draw_learning_curve
-from ludus.train.evaluation import Evaluation, evaluate
+from ludus.train.evaluation import MAX_STEPS, Evaluation, evaluate
 from ludus.train.interrupt import Interrupts
 from ludus.train.layers import policy_settings
 from ludus.train.learner import Learner
@@ -31,6 +31,9 @@ from ludus.train.trainer import Trainer
 __all__ = ["Configure", "complete", "log_file", "train", "write_result"]
 
 log = logging.getLogger(__name__)
+
+ENDLESS_STEPS = 10_000
+"""Steps that the evaluation waits for episodes whose length nothing limits."""
 
 Configure = Callable[[Mapping[str, PolicySpec]], TrainConfig]
 
@@ -148,7 +151,15 @@ def _evaluate(
 ) -> dict[str, Evaluation]:
     policies = {name: learner.policy for name, learner in learners.items()}
     seed = (config.seed or 0) + 1_000_003  # worlds that training did not begin with
-    evaluation = evaluate(policies, pool, config.evaluation_episodes, seed=seed)
+    has_limits = all(policy.max_episode_steps for policy in pool.policies.values())
+    max_steps = MAX_STEPS if has_limits else ENDLESS_STEPS
+    num_episodes = config.evaluation_episodes
+    try:
+        evaluation = evaluate(policies, pool, num_episodes, seed=seed, max_steps=max_steps)
+    except RunError as error:
+        # The run itself is whole; an agent that has learned to survive may play for ever.
+        log.warning("no evaluation: %s; %s", error.message, error.hint)
+        return {}
     folder.write_json("evaluation.json", {name: asdict(of) for name, of in evaluation.items()})
     return evaluation
 

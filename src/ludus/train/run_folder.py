@@ -186,5 +186,8 @@ class RunFolder:
 
 
 def _slug(target: str) -> str:
-    stem = target.removeprefix("gym:") if target.startswith("gym:") else Path(target).stem
+    if target.startswith("gym:"):
+        stem = target.removeprefix("gym:")
+    else:
+        stem = Path(target).stem if Path(target).exists() else Path(target).name
     return re.sub(r"[^A-Za-z0-9._-]+", "-", stem).strip("-.") or "run"
