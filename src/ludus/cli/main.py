@@ -68,6 +68,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         format="%(levelname)s %(name)s: %(message)s",
         stream=sys.stderr,
     )
+    # Games with an id are in modules in the current folder, where `python -m` looks, too.
+    sys.path.append("")
     try:
         with _clean_exit_on_sigterm():
             return _dispatch(arguments)
@@ -91,7 +93,7 @@ def usage() -> str:
         [
             "usage: ludus COMMAND [...]",
             "",
-            "Train agents in games made with Godot, and put them back into the game.",
+            "Train agents in games made with Godot or Bevy, and put them back into the game.",
             "",
             "commands:",
             *lines,

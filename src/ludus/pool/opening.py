@@ -160,7 +160,10 @@ def _check(config: PoolConfig, target: Target) -> None:
     if config.layout not in {"scene", "isolated", "grid"}:
         raise ConfigError(f"layout is {config.layout!r}, expected scene, isolated or grid")
     if config.num_engines > 1 and not target.is_started_by_us:
-        raise ConfigError("a game that is started by hand is one engine: num_engines must be 1")
+        raise ConfigError(
+            f"a game that is started by hand is one engine, not {config.num_engines}",
+            hint="--num-engines 1, or num_engines=1",
+        )
 
 
 def _engine_config(config: PoolConfig, engine: int) -> EngineConfig:
