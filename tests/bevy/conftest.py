@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import psutil
 import pytest
 
 from ludus.engine import resolve_target
 from ludus.session import EngineSession, LaunchOptions, open_session
 from ludus.wire.handshake import EngineConfig
+from tests.gymgodot.conftest import command_of, started_processes
 
 TARGET = "bevy:cartpole"
 
@@ -44,10 +44,6 @@ def open_game(executable: Path) -> Iterator[Open]:
 
 
 def processes(executable: Path) -> list[int]:
-    """Return the ids of all processes that run an executable."""
-    return [
-        process.pid
-        for process in psutil.process_iter(["cmdline", "status"])
-        if (process.info["cmdline"] or [""])[0] == str(executable)
-        and process.info["status"] != "zombie"
-    ]
+    """Return the ids of started processes that run an executable."""
+    started = started_processes()
+    return [process.pid for process in started if command_of(process)[:1] == [str(executable)]]

@@ -29,6 +29,8 @@ from ludus.errors import (
 from ludus.wire.reset import ResetRequest
 from tests.bevy.rest_program import Program, Start, reset, step
 
+pytestmark = [pytest.mark.engine, pytest.mark.timeout(300, func_only=True)]
+
 _DEADLINE_S = 20.0
 _CART = spaces.Box(-np.inf, np.inf, (4,), np.float32)
 _DEFAULTS: dict[str, Any] = {"action_space": spaces.Discrete(2), "observation_space": _CART}

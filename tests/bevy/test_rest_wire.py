@@ -22,7 +22,9 @@ _FUZZ = settings(
 
 
 @contextmanager
-def _server(*answers: bytes, piece: int = 1 << 20, stays: bool = False) -> Generator[Connection]:
+def _server(
+    *answers: bytes, piece: int = 1 << 20, stays: bool = False, timeout_s: float = _DEADLINE_S
+) -> Generator[Connection]:
     """Yield a connection to a server that sends bytes, in pieces, for each request."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
         listener.settimeout(_DEADLINE_S)
@@ -45,7 +47,7 @@ def _server(*answers: bytes, piece: int = 1 << 20, stays: bool = False) -> Gener
 
         thread = threading.Thread(target=serve)
         thread.start()
-        connection = Connection("127.0.0.1", listener.getsockname()[1], _DEADLINE_S, 0.5)
+        connection = Connection("127.0.0.1", listener.getsockname()[1], _DEADLINE_S, timeout_s)
         try:
             yield connection
         finally:
@@ -106,7 +108,10 @@ def test_an_answer_that_stops_is_reported() -> None:
     answer = b"HTTP/1.1 200 OK\r\ncontent-length: 9\r\n\r\n[1"
     with _server(answer) as connection, pytest.raises(EngineCrashed, match="has gone"):
         _ask(connection)
-    with _server(answer, stays=True) as connection, pytest.raises(EngineTimeout, match=r"0\.5 s"):
+    with (
+        _server(answer, stays=True, timeout_s=0.5) as connection,
+        pytest.raises(EngineTimeout, match=r"0\.5 s"),
+    ):
         _ask(connection)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.gymgodot.conftest import left_processes
+from tests.gymgodot.conftest import left_processes, left_threads
 
 
 @pytest.fixture
@@ -19,5 +19,5 @@ def films(tmp_path: Path) -> Iterator[Path]:
     folder.mkdir()
     yield folder
     assert left_processes() == []
-    assert set(threading.enumerate()) <= before
+    assert left_threads(before) == set()
     assert [file for file in folder.iterdir() if file.name.startswith(".")] == []

@@ -177,6 +177,6 @@ def test_the_game_and_its_screen_go_with_python(project: Path, films: Path) -> N
         started = parent.children(recursive=True)
         maker.kill()
     assert len(started) >= 2
-    assert psutil.wait_procs(started, timeout=10.0)[1] == []
+    assert psutil.wait_procs(started, timeout=30.0)[1] == []
     for file in films.iterdir():
         file.unlink()

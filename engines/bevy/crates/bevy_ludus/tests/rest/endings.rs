@@ -37,7 +37,7 @@ fn who_waits_for_an_app_that_exits_is_told_so() {
     let mut client = game.client();
     client.step(&["0", "0"]);
     client.send("GET", &step_path(&["load", "0"]), "");
-    std::thread::sleep(Duration::from_millis(100));
+    game.await_begun(2);
     game.end();
     let response = client.receive();
     assert_eq!(

@@ -14,7 +14,7 @@ fn num_steps(client: &mut Client) -> u64 {
 
 fn impatient() -> AIGymSettings {
     AIGymSettings {
-        timeout: 0.2,
+        timeout: 1.0,
         ..settings()
     }
 }
@@ -25,7 +25,7 @@ fn a_client_that_goes_mid_step_wedges_nothing() {
     for turn in 1..=5 {
         let mut leaver = game.client();
         leaver.send("GET", &step_path(&["sleep 50", "1"]), "");
-        std::thread::sleep(Duration::from_millis(10));
+        game.await_begun(2 * turn - 1);
         drop(leaver);
         let mut client = game.client();
         client.step(&["0", "0"]);
@@ -39,16 +39,16 @@ fn a_slow_game_is_reported_and_heard_again() {
     let game = Game::start(impatient(), Habits::default());
     let mut client = game.client();
     client.step(&["0", "0"]);
-    let late = client.ask("GET", &step_path(&["sleep 600", "0"]), "");
+    let late = client.ask("GET", &step_path(&["sleep 3000", "0"]), "");
     assert_eq!(late.status, 504);
     assert!(
-        late.body.starts_with("the game did not answer for 0.2 s"),
+        late.body.starts_with("the game did not answer for 1 s"),
         "{}",
         late.body
     );
     // The game still sleeps, but its server does not.
     assert_eq!(num_steps(&mut client), 1);
-    std::thread::sleep(Duration::from_millis(700));
+    std::thread::sleep(Duration::from_millis(2500));
     client.step(&["0", "0"]);
     assert_eq!(num_steps(&mut client), 3);
 }
@@ -58,8 +58,8 @@ fn who_waits_too_long_for_a_turn_is_told_so() {
     let game = Game::start(impatient(), Habits::default());
     let mut first = game.client();
     let mut second = game.client();
-    first.send("GET", &step_path(&["sleep 800", "0"]), "");
-    std::thread::sleep(Duration::from_millis(50));
+    first.send("GET", &step_path(&["sleep 1500", "0"]), "");
+    game.await_begun(1);
     let statuses = [
         second.ask("GET", "/reset", "").status,
         first.receive().status,

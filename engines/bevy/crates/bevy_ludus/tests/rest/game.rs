@@ -46,6 +46,7 @@ pub struct Habits {
 pub struct Game {
     pub address: SocketAddr,
     pub num_updates: Arc<AtomicU64>,
+    num_begun: Arc<AtomicU64>,
     is_ending: Arc<AtomicBool>,
     thread: Option<JoinHandle<AppExit>>,
 }
@@ -62,6 +63,7 @@ pub fn settings() -> AIGymSettings {
 #[derive(Resource)]
 struct Handles {
     num_updates: Arc<AtomicU64>,
+    num_begun: Arc<AtomicU64>,
     is_ending: Arc<AtomicBool>,
 }
 
@@ -69,9 +71,11 @@ impl Game {
     pub fn start(settings: AIGymSettings, habits: Habits) -> Self {
         let (tell, told) = channel();
         let num_updates = Arc::new(AtomicU64::new(0));
+        let num_begun = Arc::new(AtomicU64::new(0));
         let is_ending = Arc::new(AtomicBool::new(false));
         let handles = Handles {
             num_updates: Arc::clone(&num_updates),
+            num_begun: Arc::clone(&num_begun),
             is_ending: Arc::clone(&is_ending),
         };
         let thread = std::thread::spawn(move || {
@@ -86,6 +90,7 @@ impl Game {
         Self {
             address,
             num_updates,
+            num_begun,
             is_ending,
             thread: Some(thread),
         }
@@ -93,6 +98,15 @@ impl Game {
 
     pub fn client(&self) -> Client {
         Client::connect(self.address)
+    }
+
+    /// Waits until so many steps have begun.
+    pub fn await_begun(&self, count: u64) {
+        let deadline = Instant::now() + DEADLINE;
+        while self.num_begun.load(Ordering::Relaxed) < count {
+            assert!(Instant::now() < deadline, "step {count} does not begin");
+            std::thread::sleep(Duration::from_millis(1));
+        }
     }
 
     /// Lets the game end as games do, and returns how.
@@ -215,8 +229,12 @@ fn on_control(
     habits: Res<Habits>,
     gym: Res<Gym>,
     mut next: ResMut<NextState<SimulationState>>,
+    handles: Option<Res<Handles>>,
 ) {
     for EventControl(actions) in controls.read() {
+        if let Some(handles) = &handles {
+            handles.num_begun.fetch_add(1, Ordering::Relaxed);
+        }
         counts.num_steps += 1;
         for (agent, action) in actions.iter().enumerate() {
             let action = action.as_deref().unwrap_or_default();

@@ -5,7 +5,7 @@ use crate::game::{Game, Habits, settings};
 use bevy_ludus::rest::AIGymSettings;
 use serde_json::Value;
 use std::sync::atomic::Ordering;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 fn state(client: &mut Client) -> Value {
     serde_json::from_str(&client.get("/state")).unwrap()
@@ -36,10 +36,12 @@ fn a_waiting_game_rests_and_its_clock_stands_still() {
     client.step(&["0", "0"]);
     let before = state(&mut client);
     let num_updates = game.num_updates.load(Ordering::Relaxed);
+    let began = Instant::now();
     std::thread::sleep(Duration::from_millis(500));
     let passed = game.num_updates.load(Ordering::Relaxed) - num_updates;
     // It comes up for air ten times a second.
-    assert!((2..=8).contains(&passed), "{passed} updates");
+    let at_most = began.elapsed().as_millis() as u64 / 100 + 3;
+    assert!((1..=at_most).contains(&passed), "{passed} updates");
     assert_eq!(state(&mut client), before);
 }
 
