@@ -30,8 +30,8 @@ def open_game(executable: Path) -> Iterator[Open]:
     """Opens sessions with the example; no process may be left behind."""
     sessions: list[EngineSession] = []
 
-    def open_one(step_timeout_s: float = 20.0, **config: object) -> EngineSession:
-        options = LaunchOptions(start_timeout_s=20.0, step_timeout_s=step_timeout_s)
+    def open_one(step_timeout_s: float = 60.0, **config: object) -> EngineSession:
+        options = LaunchOptions(start_timeout_s=60.0, step_timeout_s=step_timeout_s)
         settings = EngineConfig(**config)  # pyright: ignore[reportArgumentType]
         session = open_session(resolve_target(executable), settings, options)
         sessions.append(session)

@@ -6,6 +6,7 @@ import os
 import shlex
 import signal
 import weakref
+from pathlib import Path
 from types import TracebackType
 
 from ludus.engine.affinity import pinned_to
@@ -19,6 +20,15 @@ __all__ = ["EngineProcess", "terminate_all"]
 NUM_SHOWN_LINES = 20
 
 _DRAIN_TIMEOUT_S = 1.0
+_STATES = {
+    "R": "computing",
+    "S": "asleep",
+    "D": "waiting for a disk",
+    "T": "stopped",
+    "t": "stopped",
+}
+"""What Linux says of a process's first thread (proc_pid_stat(5))."""
+
 _running: weakref.WeakSet[EngineProcess] = weakref.WeakSet()
 
 
@@ -106,7 +116,9 @@ class EngineProcess:
         """
         self.poll()
         self._await_rest()
-        lines = [_describe_exit(self.poll()), f"command: {shlex.join(self._config.command)}"]
+        end = _describe_exit(self.poll())
+        activity = _describe_activity(self.pid) if self.is_alive else ""
+        lines = [end + activity, f"command: {shlex.join(self._config.command)}"]
         return "\n".join([*lines, *self._report()])
 
     def _await_rest(self) -> None:
@@ -160,3 +172,14 @@ def _describe_exit(code: int | None) -> str:
     except ValueError:
         name = f"signal {-code}"
     return f"the process was killed by {name}"
+
+
+def _describe_activity(pid: int) -> str:
+    """Say what a running process does, where the system tells: a loop computes, a lock sleeps."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return ""
+    state, user_ticks, system_ticks = fields[0], int(fields[11]), int(fields[12])
+    cpu_s = (user_ticks + system_ticks) / os.sysconf("SC_CLK_TCK")
+    return f" ({_STATES.get(state, state)}, {cpu_s:.1f} s of processor time until now)"
