@@ -16,12 +16,16 @@ pub(crate) type Unsorted = (
 );
 
 /// Puts everything that has no layer of its own into the layer of its world. Cameras see their
-/// world and what all worlds share.
+/// world and what all worlds share. A single world needs no layer: all cameras see all of it, also
+/// those of windows, which are in no world.
 pub(crate) fn separate_worlds(
     world: &mut World,
     worlds: &[Entity],
     unsorted: &mut QueryState<(Entity, Has<Camera>), Unsorted>,
 ) {
+    if worlds.len() < 2 {
+        return;
+    }
     let found: Vec<_> = unsorted.iter(world).collect();
     if found.is_empty() {
         return;

@@ -2,7 +2,7 @@
 
 use super::shaders::Shaders;
 use crate::plugin::run_on_one_thread;
-use bevy_app::{App, PostUpdate, SubApp};
+use bevy_app::{App, AppExit, Last, PostUpdate, SubApp};
 use bevy_asset::handle_internal_asset_events;
 use bevy_ecs::prelude::*;
 use bevy_light::cluster::GlobalClusterSettings;
@@ -10,6 +10,7 @@ use bevy_render::error_handler::{RenderError, RenderErrorHandler, RenderErrorPol
 use bevy_render::{RenderApp, RenderPlugin};
 use bevy_tasks::ComputeTaskPool;
 use bevy_time::TimeReceiver;
+use bevy_window::Window;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread::sleep;
 use std::time::Duration;
@@ -49,6 +50,7 @@ pub(crate) fn take_renderer(app: &mut App) {
         // It would be sent the time of each picture, and panic when there are several an update.
         app.world_mut().remove_resource::<TimeReceiver>();
         app.init_resource::<RenderFailure>()
+            .add_systems(Last, draw_windows.run_if(any_with_component::<Window>))
             .insert_resource(RenderErrorHandler(note_failure))
             .insert_resource(Renderer {
                 app: Mutex::new(renderer),
@@ -78,6 +80,18 @@ fn note_failure(error: &RenderError, world: &mut World, _: &mut World) -> Render
     RenderErrorPolicy::StopRendering
 }
 
+/// Draws what windows show, at the end of an update, as Bevy itself would.
+#[allow(clippy::print_stderr)]
+fn draw_windows(world: &mut World) {
+    let _turn = take_turn();
+    world.resource_scope(|world, mut renderer: Mut<Renderer>| renderer.draw_as_it_is(world));
+    let failure = &world.resource::<RenderFailure>().0;
+    if !failure.is_empty() {
+        eprintln!("ludus: {failure}");
+        world.write_message(AppExit::error());
+    }
+}
+
 impl Renderer {
     /// Draws what all active cameras see, as things stand.
     ///
@@ -104,15 +118,19 @@ impl Renderer {
     fn draw_once(&mut self, world: &mut World) -> Result<(), String> {
         let is_run = world.try_run_schedule(PostUpdate);
         debug_assert!(is_run.is_ok(), "every app has it");
-        let app = self.app();
-        app.extract(world);
-        app.update();
+        self.draw_as_it_is(world);
         let failure = &world.resource::<RenderFailure>().0;
         if failure.is_empty() {
             Ok(())
         } else {
             Err(failure.clone())
         }
+    }
+
+    fn draw_as_it_is(&mut self, world: &mut World) {
+        let app = self.app();
+        app.extract(world);
+        app.update();
     }
 
     fn app(&mut self) -> &mut SubApp {

@@ -6,3 +6,5 @@ mod membership;
 mod refusals;
 mod stepping;
 mod trainer;
+#[cfg(feature = "camera")]
+mod windows;
