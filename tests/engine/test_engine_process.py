@@ -363,8 +363,23 @@ def test_window_gets_a_screen(bare_machine: Path, monkeypatch: pytest.MonkeyPatc
         with_display(("godot",))
     runner = bare_machine / "xvfb-run"
     runner.touch(mode=0o755)
-    assert with_display(("godot",))[0] == str(runner)
+    assert str(runner) in with_display(("godot",))
     assert with_display(("godot",))[-1] == "godot"
+
+
+@pytest.mark.engine
+def test_a_screen_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    command = with_display(("/bin/sh", "-c", "echo screen $DISPLAY; exec sleep 60"))
+    with EngineProcess.start(LaunchConfig(command=command)) as process:
+        until(lambda: process.last_lines() != [])
+        assert process.last_lines()[0].startswith("screen :")
+        assert len(list(tmp_path.iterdir())) == 1
+        assert len(group_members(process.pid)) > 2
+    assert list(tmp_path.iterdir()) == []
+    assert not group_members(process.pid)
 
 
 @pytest.mark.engine

@@ -19,6 +19,8 @@ __all__ = ["GodotFlags", "LaunchConfig", "executable_command", "godot_command", 
 
 DEFAULT_FIXED_FPS = 60
 _SCREEN = "xvfb-run"
+_RUN_TIDILY = 'trap "exit 143" TERM; . "$0"'
+"""Runs a shell script so that a signal, which would end it at once, lets it clean up first."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,4 +155,5 @@ def with_display(command: tuple[str, ...]) -> tuple[str, ...]:
             "the game needs a screen to render, and there is none",
             hint="install Xvfb (Debian: apt install xvfb xauth), or run without rendering",
         )
-    return (runner, "-a", "-s", "-screen 0 640x480x24", *command)
+    screen = (runner, "-a", "-s", "-screen 0 640x480x24")
+    return ("/bin/sh", "-c", _RUN_TIDILY, *screen, *command)
