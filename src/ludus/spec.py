@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -161,27 +162,27 @@ class PolicySpec:
     max_episode_steps: int | None = None
     settings: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
-    @property
+    @cached_property
     def num_agents(self) -> int:
         """Slots of this policy in one engine."""
         return len(self.agents)
 
-    @property
+    @cached_property
     def nvec(self) -> tuple[int, ...]:
         """``n`` of each discrete component, in order."""
         return tuple(part.n for part in self.action if isinstance(part, DiscreteAction))
 
-    @property
+    @cached_property
     def num_discrete(self) -> int:
         """Number of discrete components."""
         return len(self.nvec)
 
-    @property
+    @cached_property
     def continuous_size(self) -> int:
         """Elements of all continuous components in sum."""
         return sum(part.size for part in self.action if isinstance(part, ContinuousAction))
 
-    @property
+    @cached_property
     def mask_size(self) -> int:
         """Elements of one agent's action mask: the sum of ``nvec``; 0 without masks."""
         return sum(self.nvec) if self.has_action_mask else 0

@@ -336,20 +336,25 @@ def _join(parts: list[Batch], policy: PolicySpec) -> Batch:
     size = policy.num_agents
     return Batch(
         observation={
-            e.name: np.concatenate([part.observation[e.name] for part in parts])
+            e.name: _stacked([part.observation[e.name] for part in parts])
             for e in policy.observation
         },
-        reward=np.concatenate([part.reward for part in parts]),
-        terminated=np.concatenate([part.terminated for part in parts]),
-        truncated=np.concatenate([part.truncated for part in parts]),
-        active=np.concatenate([part.active for part in parts]),
-        action_mask=np.concatenate(masks) if masks else None,
-        final_index=np.concatenate([p.final_index + k * size for k, p in enumerate(parts)]),
+        reward=_stacked([part.reward for part in parts]),
+        terminated=_stacked([part.terminated for part in parts]),
+        truncated=_stacked([part.truncated for part in parts]),
+        active=_stacked([part.active for part in parts]),
+        action_mask=_stacked(masks) if masks else None,
+        final_index=_stacked([p.final_index + k * size for k, p in enumerate(parts)]),
         final_observation={
-            e.name: np.concatenate([part.final_observation[e.name] for part in parts])
+            e.name: _stacked([part.final_observation[e.name] for part in parts])
             for e in policy.observation
         },
     )
+
+
+def _stacked(arrays: list[NDArray[Any]]) -> NDArray[Any]:
+    # A copy takes half as long, which is felt where there is one world.
+    return np.concatenate(arrays) if len(arrays) > 1 else arrays[0].copy()
 
 
 def _remembered(
