@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ludus.engine import resolve_target
 from ludus.engine.bundled import bevy_workspace
 from ludus.record import RecordConfig, record
 from tests.record.games import frames_of
@@ -42,6 +43,18 @@ def film(out: Path, seconds: float, *policy: Path) -> list[NDArray[np.uint8]]:
     )
     assert record(config).num_frames == round(seconds * 30)
     return frames_of(out)
+
+
+def test_a_build_for_films_leaves_the_other_alone() -> None:
+    before = resolve_target(TARGET).executable
+    assert before is not None
+    content = before.read_bytes()
+    pictured = resolve_target(f"{TARGET}+view").executable
+    assert pictured is not None
+    assert before.read_bytes() == content != pictured.read_bytes()
+    again = resolve_target(TARGET).executable
+    assert again == before
+    assert before.read_bytes() == content
 
 
 def test_a_trained_policy_keeps_the_pole_up(tmp_path: Path) -> None:

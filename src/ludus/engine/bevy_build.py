@@ -16,6 +16,7 @@ from typing import Any
 
 from ludus.engine.bundled import bevy_workspace, package_version
 from ludus.engine.cache import require_cache_root
+from ludus.engine.locks import file_lock
 from ludus.errors import SetupError, TargetError
 
 __all__ = [
@@ -33,6 +34,9 @@ VIEW = "view"
 """Feature of examples that draw only where somebody wants to see them."""
 
 _BUILD_TIMEOUT_S = 3600.0
+_KEPT = "kept"
+"""Folder beside the executables that Cargo builds, where each example with its features has a name
+of its own. To Cargo they are one file, which the next build replaces, whoever plays it."""
 
 
 def bevy_example_names() -> list[str]:
@@ -83,7 +87,8 @@ def with_view(target: str) -> str:
 def build_bevy_example(name: str) -> Path:
     """Build an example, optimised, and return its executable.
 
-    What is built already is not built again. Cargo tells on stderr how it gets on.
+    What is built already is not built again. Cargo tells on stderr how it gets on. The executable
+    stays as it is when the example is built with other features.
 
     Args:
         name: Of the example; with ``+FEATURE`` after it also features.
@@ -102,15 +107,18 @@ def build_bevy_example(name: str) -> Path:
     package, *features = name.split(FEATURE_MARK)
     command = [cargo, "build", "--release", "--locked", "--package", package]
     command += ["--features", ",".join(features)] if features else []
-    result = _run([*command, "--message-format", "json-render-diagnostics"], root, name)
-    executable = _executable_of(package, result.stdout.splitlines())
-    if executable is None:
-        raise SetupError(f"Cargo built {PREFIX}{name}, but names no executable")
-    return _kept(executable, executable.with_stem(name)) if features else executable
+    with file_lock(require_cache_root() / "bevy.lock", _BUILD_TIMEOUT_S):
+        result = _run([*command, "--message-format", "json-render-diagnostics"], root, name)
+        executable = _executable_of(package, result.stdout.splitlines())
+        if executable is None:
+            raise SetupError(f"Cargo built {PREFIX}{name}, but names no executable")
+        return _kept(executable, name)
 
 
-def _kept(built: Path, kept: Path) -> Path:
-    """Copy an executable, as Cargo gives it the same name whatever its features are."""
+def _kept(built: Path, name: str) -> Path:
+    """Copy an executable to where it stays, if the copy is not there yet."""
+    kept = built.parent / _KEPT / built.with_stem(name).name
+    kept.parent.mkdir(exist_ok=True)
     if not kept.exists() or kept.stat().st_mtime_ns != built.stat().st_mtime_ns:
         fresh = kept.with_name(f"{kept.name}.{os.getpid()}")
         shutil.copy2(built, fresh)
