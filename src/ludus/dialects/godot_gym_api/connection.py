@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import select
 import socket
+import struct
 import sys
 import time
 from collections.abc import Callable
@@ -18,12 +19,15 @@ _MIN_READ_BYTES = 1 << 12
 _MAX_READ_BYTES = 1 << 20
 _POLL_S = 0.25
 _RETRY_S = 0.05
+_WAITS_ITSELF = sys.platform != "win32"
+"""Whether a socket may wait for a limited time: in Windows it is of no use afterwards."""
 
 
 class Connection:
     """Whole requests out, whole answers in.
 
-    The socket never blocks by itself: a step costs four calls of the system.
+    A step costs three calls of the system: is there something that nobody asked for; send; receive,
+    in which the system waits, for :data:`_POLL_S` at most.
 
     Args:
         connection: Open socket; closed with this object.
@@ -35,8 +39,8 @@ class Connection:
         self._max_answer_bytes = max_answer_bytes
         self._received = bytearray()
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        connection.setblocking(False)
         self._await_bytes = _waiter(connection)
+        _limit_waits(connection)
 
     def send(self, payload: bytes, timeout_s: float) -> None:
         """Send one request.
@@ -67,8 +71,9 @@ class Connection:
             EngineTimeout: No whole answer came in time.
             ProtocolError: The answer is too long.
         """
-        header = self._take(_HEADER_BYTES, deadline, check)
-        num_bytes = int.from_bytes(header, "little")
+        received = self._received
+        self._fill(_HEADER_BYTES, deadline, check)
+        num_bytes = int.from_bytes(received[:_HEADER_BYTES], "little")
         if num_bytes > self._max_answer_bytes:
             raise ProtocolError(
                 f"an answer of {num_bytes} bytes is announced, expected at most "
@@ -76,14 +81,18 @@ class Connection:
                 hint="is what answers there a game for godot_gym_api? If answers really are as "
                 "long, raise max_answer_bytes",
             )
-        return self._take(num_bytes, deadline, check)
+        end = _HEADER_BYTES + num_bytes
+        self._fill(end, deadline, check)
+        answer = bytes(received[_HEADER_BYTES:end])
+        del received[:end]
+        return answer
 
     def has_unread(self) -> bool:
         """Whether something has come that nobody asked for."""
         if self._received:
             return True
         try:
-            return bool(self._socket.recv(1, socket.MSG_PEEK))
+            return self._await_bytes(0.0) and bool(self._socket.recv(1, socket.MSG_PEEK))
         except OSError:
             return False
 
@@ -102,31 +111,39 @@ class Connection:
         try:
             self._socket.sendall(rest)
         finally:
-            self._socket.setblocking(False)
+            _limit_waits(self._socket)
 
-    def _take(self, num_bytes: int, deadline: float, check: Callable[[], None]) -> bytes:
+    def _fill(self, num_bytes: int, deadline: float, check: Callable[[], None]) -> None:
         while len(self._received) < num_bytes:
             self._read(num_bytes - len(self._received), deadline, check)
-        data = bytes(self._received[:num_bytes])
-        del self._received[:num_bytes]
-        return data
 
     def _read(self, missing_bytes: int, deadline: float, check: Callable[[], None]) -> None:
         left_s = deadline - time.monotonic()
         if left_s <= 0.0:
             raise EngineTimeout("no answer came in time")
-        if not self._await_bytes(min(left_s, _POLL_S)):
+        waits_itself = _WAITS_ITSELF and left_s >= _POLL_S
+        if not waits_itself and not self._await_bytes(min(left_s, _POLL_S)):
             check()
             return
         try:
             data = self._socket.recv(min(max(missing_bytes, _MIN_READ_BYTES), _MAX_READ_BYTES))
         except BlockingIOError:
+            check()
             return
         except OSError as error:
             raise LinkClosed(str(error)) from error
         if not data:
             raise LinkClosed("the game closed the connection")
         self._received += data
+
+
+def _limit_waits(connection: socket.socket) -> None:
+    """Let the socket wait for `_POLL_S` at most, or not at all; then it raises BlockingIOError."""
+    connection.setblocking(_WAITS_ITSELF)
+    if _WAITS_ITSELF:
+        limit = struct.pack("@ll", 0, int(_POLL_S * 1e6))
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, limit)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, limit)
 
 
 def _waiter(connection: socket.socket) -> Callable[[float], bool]:

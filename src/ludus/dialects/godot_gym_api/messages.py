@@ -131,17 +131,15 @@ def _part(answer: Data, name: str, payload: bytes) -> Data:
 
 
 def _read_protobuf(payload: bytes, message_module: Any) -> State:
-    from google.protobuf.message import DecodeError
-
     message = message_module.Message()
     try:
         message.ParseFromString(payload)
-    except DecodeError as error:
+    except Exception as error:  # a DecodeError; to import it costs 0.5 µs in every step
         raise ProtocolError(
             f"the answer is no such protobuf message ({error}): {_shown(payload)}",
             hint="were the game's and Python's messages compiled from the same message.proto?",
         ) from error
-    return {key: getattr(message, name) for key, name in _FIELDS.items()}
+    return {AGENT_KEY: message.agent_data, WORLD_KEY: message.world_data}
 
 
 def _shown(payload: bytes) -> str:
