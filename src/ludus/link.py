@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ludus.errors import EngineTimeout, ProtocolError
+from ludus.spinner import Spinner
 from ludus.wire.frames import HEADER_BYTES, FrameType, decode_header
 
 __all__ = ["Link", "LinkClosed", "Listener", "connect"]
@@ -37,8 +38,7 @@ class Link:
 
     def __init__(self, connection: socket.socket, timeout_s: float, received: bytes = b"") -> None:
         self._socket = connection
-        self._spinner: socket.socket | None = None
-        self._spin_s = 0.0
+        self._spinner: Spinner | None = None
         self._timeout_s = timeout_s
         self._pending = received
         connection.settimeout(timeout_s)
@@ -133,29 +133,15 @@ class Link:
     def spin(self, spin_s: float) -> None:
         """Look for an answer again and again for ``spin_s`` seconds before going to sleep.
 
-        Waking up costs tens of microseconds, on both sides; spinning costs a core.
+        Not while somebody else needs the core, see :class:`~ludus.spinner.Spinner`.
         """
-        self._spin_s = spin_s
-        if self._spinner is None:
-            # A second handle: one with a timeout would ask the system whether it may read first.
-            self._spinner = self._socket.dup()
-            self._spinner.setblocking(False)
-
-    def _read_spinning(self, view: memoryview) -> int | None:
-        """Return the number of bytes read, or None if nothing came in time."""
-        if self._spinner is None:
-            return None
-        end = time.monotonic() + self._spin_s
-        while time.monotonic() < end:
-            try:
-                return self._spinner.recv_into(view)
-            except BlockingIOError:
-                continue
-        return None
+        if self._spinner is not None:
+            self._spinner.close()
+        self._spinner = Spinner(self._socket, spin_s) if spin_s > 0.0 else None
 
     def _read(self, view: memoryview, deadline: float) -> int:
         try:
-            count = self._read_spinning(view)
+            count = None if self._spinner is None else self._spinner.read(view)
             if count is None:
                 count = self._socket.recv_into(view)
         except TimeoutError as error:

@@ -10,6 +10,13 @@ const CONNECT_POLL_MS := 5
 const WAIT_POLL_US := 300
 const WATCH_INTERVAL_MS := 100
 const FRAME_TIMEOUT_MS := 30000
+## A look that lasts longer hardly pays; on a core that others want, it lasts for milliseconds.
+const LONG_US := 2000
+## So many long looks within [constant LONG_LOOKS_US] mean nothing: an update, other work.
+const MAX_LONG := 2
+const LONG_LOOKS_US := 100000
+## How long nobody looks then.
+const RESPITE_US := 1000000
 const UNIX_PREFIX := "unix:"
 
 ## Type of the frame that [method receive] read.
@@ -30,6 +37,9 @@ var _stream: StreamPeerTCP
 var _watch: Thread
 var _mutex := Mutex.new()
 var _deadline_ms: int = 0
+var _respite_until_us: int = 0
+var _long_since_us: int = 0
+var _num_long: int = 0
 var _is_closing: bool = false
 var _parent_path: String = ""
 
@@ -158,11 +168,25 @@ func _await_connection(timeout_ms: int) -> bool:
 
 
 func _spin() -> void:
-	if spin_us == 0:
+	var start := OS.get_ticks_usec()
+	if spin_us == 0 or start < _respite_until_us:
 		return
-	var end := OS.get_ticks_usec() + spin_us
-	while _stream.get_available_bytes() == 0 and OS.get_ticks_usec() < end:
-		pass
+	var now := start
+	while now < start + spin_us and _stream.get_available_bytes() == 0:
+		now = OS.get_ticks_usec()
+	if now - start > LONG_US:
+		_note_long(now)
+
+
+## Leaves the core alone for a while if looks are often long: somebody else needs it, perhaps the
+## very process that is waited for.
+func _note_long(now: int) -> void:
+	if now - _long_since_us > LONG_LOOKS_US:
+		_long_since_us = now
+		_num_long = 0
+	_num_long += 1
+	if _num_long > MAX_LONG:
+		_respite_until_us = now + RESPITE_US
 
 
 func _read(num_bytes: int) -> PoolByteArray:

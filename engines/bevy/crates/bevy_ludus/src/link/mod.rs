@@ -3,6 +3,7 @@
 mod address;
 mod command_line;
 mod greeting;
+mod looks;
 mod stream;
 mod tcp_plugin;
 
@@ -14,6 +15,7 @@ pub(crate) use greeting::greet;
 pub(crate) use tcp_plugin::PendingLink;
 
 use crate::wire::{EngineConfig, FrameType, HEADER_BYTES, MAX_SPIN_US, WireError, decode_header};
+use looks::Looks;
 use std::io::{self, ErrorKind};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -69,6 +71,7 @@ pub struct Link {
     frame_bytes: usize,
     idle_timeout: Duration,
     spin: Duration,
+    looks: Looks,
     /// Whether the other side is on this machine.
     pub is_local: bool,
 }
@@ -111,6 +114,7 @@ impl Link {
             frame_bytes: 0,
             idle_timeout: START_TIMEOUT,
             spin: Duration::ZERO,
+            looks: Looks::default(),
             is_local,
         }
     }
@@ -189,17 +193,19 @@ impl Link {
     }
 
     /// Looks for data again and again for a while and returns how many bytes have come; none if it
-    /// was in vain. Waking up costs tens of microseconds, where a core is free for looking.
+    /// was in vain, or somebody else needs the core. Waking up costs tens of microseconds, where a
+    /// core is free for looking.
     fn spin_for_data(&mut self) -> io::Result<Option<usize>> {
-        if self.spin.is_zero() {
+        let start = Instant::now();
+        if self.spin.is_zero() || self.looks.is_respite(start) {
             return Ok(None);
         }
-        let end = Instant::now() + self.spin;
         self.stream.set_nonblocking(true)?;
         let mut result = Err(ErrorKind::WouldBlock.into());
-        while Instant::now() < end && is_empty_handed(&result) {
+        while start.elapsed() < self.spin && is_empty_handed(&result) {
             result = self.stream.read(&mut self.input[self.filled..]);
         }
+        self.looks.note(start, Instant::now());
         self.stream.set_nonblocking(false)?;
         match result {
             Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(None),
