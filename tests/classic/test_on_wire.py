@@ -88,8 +88,11 @@ def test_the_unchanged_game_learns_over_the_wire(played: tuple[Path, Events]) ->
     project, events = played
     scores: list[float] = json.loads((project / FOLDER / "scores.json").read_text())["scores"]
     assert len(scores) == ROUNDS
-    assert abs(np.mean(scores[:3])) < 0.4, "a net that has learnt nothing goes nowhere"
-    assert np.mean(scores[-5:]) > 0.6, f"what it gets once it goes to its goal: {scores}"
+    # A net that has learnt nothing goes nowhere, or by chance far from its goal: the game draws
+    # where that is, without a seed.
+    begin, end = np.mean(scores[:3]), np.mean(scores[-5:])
+    assert end > 0.6, f"what it gets once it goes to its goal: {scores}"
+    assert end > begin + 0.2, scores
     assert len(events.counts("new")) == 8 * ROUNDS
     assert events.counts("clean") == events.counts("new")
     assert {act[2] for act in events.of("act")} == {"0"}, "nobody acts who is done"
