@@ -54,15 +54,20 @@ class ObservationEntry:
     low: Bound = -math.inf
     high: Bound = math.inf
 
-    @property
+    @cached_property
     def numpy_dtype(self) -> np.dtype[Any]:
         """Little-endian NumPy dtype of the wire."""
         return DTYPES[self.dtype]
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number of elements for one agent."""
         return math.prod(self.shape)
+
+    @cached_property
+    def num_bytes(self) -> int:
+        """Number of bytes for one agent."""
+        return self.size * self.numpy_dtype.itemsize
 
     def bounds(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """Return ``(low, high)`` as arrays of this entry's shape and dtype."""

@@ -71,8 +71,9 @@ func test_step_is_read() -> void:
 		for policy in golden.spec["policies"]:
 			var batch := _batch_of(policy)
 			batch.activate_all()
-			batch.apply_actions(golden.payload(), offset)
-			offset += batch.action_bytes()
+			var end := batch.apply_actions(golden.payload(), offset)
+			equal(end - offset, batch.action_bytes(), golden.name)
+			offset = end
 			var actions: Dictionary = golden.content["policies"][policy["name"]]
 			for slot in batch.agents.size():
 				_check_action(golden.name, batch.agents[slot], actions, slot)

@@ -72,8 +72,9 @@ func test_step_is_read() -> void:
 		for policy: Dictionary in golden.spec["policies"]:
 			var batch := _batch_of(policy)
 			batch.active.fill(1)
-			batch.apply_actions(golden.payload(), offset)
-			offset += batch.action_bytes()
+			var end := batch.apply_actions(golden.payload(), offset)
+			equal(end - offset, batch.action_bytes(), golden.name)
+			offset = end
 			var actions: Dictionary = golden.content["policies"][policy["name"]]
 			for slot: int in batch.agents.size():
 				_check_action(golden.name, batch.agents[slot] as StubAgent, actions, slot)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ludus.batch import ActionBatch, Batch, Batches, StepTimes
 from ludus.errors import ActionError, ProtocolError
-from ludus.spec import PolicySpec, Spec
+from ludus.spec import DTYPES, PolicySpec, Spec
 from ludus.wire.frames import HEADER, HEADER_BYTES, FrameType, padded
 
 __all__ = ["BatchDecoder", "StepEncoder", "max_batch_bytes"]
@@ -67,6 +67,8 @@ class BatchDecoder:
         self._spec = spec
         self._fixed_bytes = _fixed_bytes(spec)
         self.buffer = bytearray(HEADER_BYTES + max_batch_bytes(spec))
+        self._words = np.frombuffer(self.buffer, "<u4")
+        self._elements = {name: np.frombuffer(self.buffer, dtype) for name, dtype in DTYPES.items()}
         self._batches: Batches = {}
         offset = HEADER_BYTES + _HEAD.size
         for policy in spec.policies:
@@ -113,10 +115,26 @@ class BatchDecoder:
             size = _final_bytes(policy, count)
             if count > policy.num_agents or offset + size > end:
                 raise ProtocolError(f"BATCH has {count} final observations of {policy.name}")
-            _read_final(self.buffer, policy, batch, offset + _FINAL_HEAD.size, count)
+            self._read_final(policy, batch, offset + _FINAL_HEAD.size, count)
             offset += size
         if offset != end:
             raise ProtocolError(f"BATCH has {end - offset} bytes too many")
+
+    def _read_final(self, policy: PolicySpec, batch: Batch, offset: int, count: int) -> None:
+        first = offset // self._words.itemsize
+        index = self._words[first : first + count].astype(np.int64)
+        is_ascending = np.count_nonzero(index[1:] > index[:-1]) == count - 1
+        if index[-1] >= policy.num_agents or not is_ascending:
+            raise ProtocolError(f"final slots of {policy.name} are out of range or not ascending")
+        offset += padded(count * self._words.itemsize)
+        batch.final_index = index
+        batch.final_observation = {}
+        for entry in policy.observation:
+            elements = self._elements[entry.dtype]
+            first = offset // elements.itemsize
+            values = elements[first : first + count * entry.size]
+            batch.final_observation[entry.name] = values.reshape(count, *entry.shape)
+            offset += padded(count * entry.num_bytes)
 
 
 def max_batch_bytes(spec: Spec) -> int:
@@ -154,12 +172,12 @@ def _copy(slot: NDArray[Any], values: NDArray[Any], policy: str, kind: str) -> N
 
 def _batch_bytes(policy: PolicySpec) -> int:
     num = policy.num_agents
-    entries = sum(padded(num * e.size * e.numpy_dtype.itemsize) for e in policy.observation)
+    entries = sum(padded(num * entry.num_bytes) for entry in policy.observation)
     return entries + padded(num * 4) + 3 * padded(num) + padded(num * policy.mask_size)
 
 
 def _final_bytes(policy: PolicySpec, count: int) -> int:
-    entries = sum(padded(count * e.size * e.numpy_dtype.itemsize) for e in policy.observation)
+    entries = sum(padded(count * entry.num_bytes) for entry in policy.observation)
     return _FINAL_HEAD.size + padded(count * 4) + entries
 
 
@@ -184,18 +202,3 @@ def _batch_views(buffer: bytearray, policy: PolicySpec, offset: int) -> Batch:
 def _no_final(policy: PolicySpec) -> tuple[NDArray[np.int64], dict[str, NDArray[Any]]]:
     empty = Batch.allocate(policy, 0)
     return empty.final_index, empty.final_observation
-
-
-def _read_final(
-    buffer: bytearray, policy: PolicySpec, batch: Batch, offset: int, count: int
-) -> None:
-    index = np.frombuffer(buffer, "<u4", count, offset).astype(np.int64)
-    if index[-1] >= policy.num_agents or not (index[1:] > index[:-1]).all():
-        raise ProtocolError(f"final slots of {policy.name} are out of range or not ascending")
-    offset += padded(count * 4)
-    batch.final_index = index
-    batch.final_observation = {}
-    for entry in policy.observation:
-        view = np.frombuffer(buffer, entry.numpy_dtype, count * entry.size, offset)
-        batch.final_observation[entry.name] = view.reshape(count, *entry.shape)
-        offset += padded(view.nbytes)

@@ -300,19 +300,14 @@ func _handle() -> bool:
 
 
 func _handle_step() -> bool:
-	var offset := 0
-	for policy in _game.policies:
-		offset += policy.action_bytes()
 	if not _has_reset:
 		_fail("sequence", "STEP before the first RESET")
 		return false
-	if _link.payload.size() != offset:
-		_fail("frame", "STEP has %d bytes, expected %d" % [_link.payload.size(), offset])
+	var num_bytes := _link.payload.size()
+	if num_bytes != _game.action_bytes:
+		_fail("frame", "STEP has %d bytes, expected %d" % [num_bytes, _game.action_bytes])
 		return false
-	offset = 0
-	for policy in _game.policies:
-		policy.apply_actions(_link.payload, offset)
-		offset += policy.action_bytes()
+	_game.apply_actions(_link.payload)
 	_ticks_left = _game.ticks_per_step
 	_engine_us = 0
 	_batch_flags = 0

@@ -110,8 +110,8 @@ func wait_for_data(timeout_ms: int) -> bool:
 ## ended or the frame is not allowed.
 func receive() -> bool:
 	error = ""
-	_spin()
 	_set_deadline(idle_timeout_ms)
+	_spin()
 	var header := _read(LudusWire.HEADER_BYTES)
 	if header.empty():
 		return false

@@ -33,6 +33,8 @@ var _rewards := PoolRealArray()
 var _terminated := PoolByteArray()
 var _truncated := PoolByteArray()
 var _final_parts: Array = []
+## In place of those, if an observation is one float32 entry.
+var _final_numbers := PoolRealArray()
 
 
 ## Takes the agents of all worlds in slot order, null for a spare slot, and the world of each slot;
@@ -139,14 +141,16 @@ func reward(slot: int) -> float:
 	return _rewards[slot]
 
 
-## Reads the actions from a [code]STEP[/code] at [param offset] and hands them to the game.
-func apply_actions(payload: PoolByteArray, offset: int) -> void:
+## Reads the actions from a [code]STEP[/code] at [param offset] and hands them to the game. Returns
+## the offset of what follows.
+func apply_actions(payload: PoolByteArray, offset: int) -> int:
 	var num := agents.size()
 	var middle := offset + layout.discrete_bytes(num)
 	set_actions(
 		LudusWire.read_choices(payload, offset, num * layout.num_discrete),
 		Array(LudusWire.read_floats(payload, middle, num * layout.continuous_size))
 	)
+	return middle + LudusWire.padded(num * layout.continuous_size * 4)
 
 
 ## Hands actions of all slots to the game.
@@ -193,9 +197,11 @@ func clear_outcomes() -> void:
 	_truncated.resize(num)
 	_truncated.fill(0)
 	final_slots.resize(0)
+	_final_numbers.resize(0)
 	_final_parts.clear()
-	for _i in layout.entries.size():
-		_final_parts.append(PoolByteArray())
+	if _flat_size < 0:
+		for _i in layout.entries.size():
+			_final_parts.append(PoolByteArray())
 
 
 ## Puts this policy's part of a [code]BATCH[/code] (PROTOCOL.md §7) into a frame, without final
@@ -241,6 +247,9 @@ func append_final_to(frame: StreamPeerBuffer) -> void:
 		return
 	LudusWire.put_bytes(frame, LudusWire.int_bytes(final_slots))
 	LudusWire.pad(frame)
+	if _flat_size >= 0:
+		LudusWire.put_bytes(frame, LudusWire.float_bytes(_final_numbers))
+		LudusWire.pad(frame)
 	for part in _final_parts:
 		LudusWire.put_bytes(frame, part)
 		LudusWire.pad(frame)
@@ -280,6 +289,9 @@ func _end(slot: int) -> void:
 	active[slot] = 0
 	final_slots.append(slot)
 	var value = _targets[slot].get_observation()
+	if _flat_size >= 0:
+		_final_numbers.append_array(_flat_numbers(slot, value))
+		return
 	for i in layout.entries.size():
 		var part: PoolByteArray = _final_parts[i]
 		part.append_array(_entry_bytes(slot, layout.entries[i], value))
@@ -318,8 +330,10 @@ func _append_entries(frame: StreamPeerBuffer) -> void:
 		LudusWire.pad(frame)
 
 
-## The numbers of a flat observation that is no [PoolRealArray] of the right size.
+## The numbers of a flat observation; zeros after noting the error if it does not fit.
 func _flat_numbers(slot: int, value) -> PoolRealArray:
+	if value is PoolRealArray and value.size() == _flat_size:
+		return value
 	var bytes := _entry_bytes(slot, layout.entries[0], value)
 	return LudusWire.read_floats(bytes, 0, _flat_size)
 

@@ -8,6 +8,8 @@ var error: String = ""
 var policies: Array[LudusPolicyBatch] = []
 ## Physics ticks per decision.
 var ticks_per_step: int = 1
+## Number of bytes of a [code]STEP[/code].
+var action_bytes: int = 0
 
 var _stage: LudusStage
 var _slots_per_world: Dictionary[String, int] = {}
@@ -43,7 +45,9 @@ func open(max_episode_steps: int, ticks_override: int) -> bool:
 		var batch_class: GDScript = (
 			LudusSimulationBatch if LudusSimulationBatch.fits(agents) else LudusPolicyBatch
 		)
-		policies.append(batch_class.new(name, agents, worlds, max_episode_steps))
+		var policy: LudusPolicyBatch = batch_class.new(name, agents, worlds, max_episode_steps)
+		policies.append(policy)
+		action_bytes += policy.action_bytes()
 		_num_agents_in_world += _slots_per_world[name]
 	_is_per_agent = _stage.worlds[0].episode_mode == LudusWorld.Episode.AGENT
 	_choose_ticks(ticks_override)
@@ -82,6 +86,13 @@ func reset(request: Dictionary) -> void:
 		if actions[i] != LudusWire.ResetAction.LEAVE and not is_rebuilt:
 			_begin_world(i)
 	_gather_errors()
+
+
+## Hands the game the actions of a [code]STEP[/code].
+func apply_actions(payload: PackedByteArray) -> void:
+	var offset := 0
+	for policy: LudusPolicyBatch in policies:
+		offset = policy.apply_actions(payload, offset)
 
 
 ## Hands the game the actions of the current step again.

@@ -132,14 +132,16 @@ func reward(slot: int) -> float:
 	return _rewards[slot]
 
 
-## Reads the actions from a [code]STEP[/code] at [param offset] and hands them to the game.
-func apply_actions(payload: PackedByteArray, offset: int) -> void:
+## Reads the actions from a [code]STEP[/code] at [param offset] and hands them to the game. Returns
+## the offset of what follows.
+func apply_actions(payload: PackedByteArray, offset: int) -> int:
 	var num := agents.size()
 	var middle := offset + layout.discrete_bytes(num)
 	set_actions(
 		payload.slice(offset, offset + num * layout.num_discrete * 8).to_int64_array(),
 		payload.slice(middle, middle + num * layout.continuous_size * 4).to_float32_array()
 	)
+	return middle + LudusWire.padded(num * layout.continuous_size * 4)
 
 
 ## Hands actions of all slots to the game.
