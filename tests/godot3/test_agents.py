@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import ludus
 from ludus.batch import ActionBatch
 from ludus.errors import TargetError
+from ludus.pool import PoolConfig, open_pool
 from ludus.session import EngineSession
 from ludus.spec import ContinuousAction, DiscreteAction
 from ludus.wire.reset import ResetRequest
@@ -44,6 +45,15 @@ def test_actions_and_ticks_of_a_step(project: Path, scene: str, applied_per_step
     assert np.array_equal(infos["final_obs"][1]["counts"], [applied_per_step * 4, 12, 1])
     assert np.array_equal(observation["counts"], [[0, 0, 2]] * 2)
     envs.close()
+
+
+def test_random_play_inside_the_engine_may_come_first(project: Path) -> None:
+    """What ``ludus bench`` calls the ceiling, with several ticks a step; the game goes on after."""
+    with open_pool(project / "every.tscn", PoolConfig(num_worlds=2)) as pool:
+        result = pool.call({"bridge": True}, "run_ceiling", [20, 0])
+        assert result[0]["num_steps"] == 20 and result[0]["elapsed_us"] > 0
+        counts = pool.reset(0)["agent"].observation["counts"]
+    assert np.array_equal(counts, [[0, 0, 1]] * 2)
 
 
 def test_the_trainer_may_choose_ticks_and_limit(project: Path) -> None:

@@ -142,21 +142,29 @@ func test_a_mask_that_does_not_fit() -> void:
 	)
 
 
-func test_random_actions_are_allowed_ones() -> void:
-	var agent := _agents(1)[0]
-	agent.action = [
-		LudusActionComponent.discrete("turn", 3),
-		LudusActionComponent.continuous("move", 2, -0.5, 2.0)
-	]
-	var batch := _batch([agent])
+func test_random_play_acts_within_limits_and_alike_in_all_ticks_of_a_step() -> void:
+	var agents := _agents(2)
+	for agent: StubAgent in agents:
+		agent.action = [
+			LudusActionComponent.discrete("turn", 3),
+			LudusActionComponent.continuous("move", 2, -0.5, 2.0)
+		]
+	var batch := _batch(agents)
 	var rng := RandomNumberGenerator.new()
-	var turns := {}
 	for i: int in 100:
-		var action: Dictionary = batch.layout.random_action(rng)
-		turns[action["turn"]] = true
-		for number: float in action["move"]:
-			check(number >= -0.5 and number <= 2.0, "move is %f" % number)
+		batch.play_randomly(rng)
+		batch.repeat_actions()
+	var turns := {}
+	for agent: StubAgent in agents:
+		equal(agent.applied.size(), 200, "actions")
+		for tick: int in range(0, 200, 2):
+			var action: Dictionary = agent.applied[tick]
+			equal(agent.applied[tick + 1], action, "tick %d" % (tick + 1))
+			turns[action["turn"]] = true
+			for number: float in action["move"]:
+				check(number >= -0.5 and number <= 2.0, "move is %f" % number)
 	equal(turns.size(), 3, "all choices are taken")
+	check(agents[0].applied != agents[1].applied, "agents draw for themselves")
 
 
 func _agents(count: int) -> Array[StubAgent]:

@@ -28,8 +28,6 @@ func advance() -> bool:
 		return false
 	if _began_us == 0:
 		_began_us = OS.get_ticks_usec()
-		for policy in _game.policies:
-			policy.activate_all()
 	elif _steps_left == 0:
 		_elapsed_us = OS.get_ticks_usec() - _began_us
 		return true

@@ -261,6 +261,7 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 	var limit := layout.max_steps if layout.max_steps > 0 else NO_LIMIT
 	for slot in _targets.size():
 		var target = _targets[slot]
+		active[slot] = int(target != _lost)
 		if target == _lost:
 			continue
 		var steps := _steps[slot] + 1
@@ -271,7 +272,8 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 			target.reset()
 		_steps[slot] = steps
 		target.get_observation()
-		target.apply_action(layout.random_action(rng))
+	var num := agents.size()
+	set_actions(layout.random_choices(num, rng), layout.random_numbers(num, rng))
 
 
 func _apply() -> void:

@@ -86,19 +86,27 @@ func action_of(slot: int, discrete: Array, continuous: Array):
 	return by_name
 
 
-## Draws an action the policy could take.
-func random_action(rng: RandomNumberGenerator):
-	if num_discrete == 1 and continuous_size == 0:
-		return rng.randi() % components[0].n
-	var discrete := []
-	var continuous := []
-	for part in components:
-		if part.kind == LudusActionComponent.Kind.DISCRETE:
-			discrete.append(rng.randi() % part.n)
-			continue
-		for _i in part.size:
-			continuous.append(rng.randf_range(part.low, part.high))
-	return action_of(0, discrete, continuous)
+## Draws choices for [param num_agents] agents.
+func random_choices(num_agents: int, rng: RandomNumberGenerator) -> Array:
+	var choices := []
+	for _i in num_agents:
+		for part in components:
+			if part.kind == LudusActionComponent.Kind.DISCRETE:
+				choices.append(rng.randi() % part.n)
+	return choices
+
+
+## Draws numbers within their bounds for [param num_agents] agents.
+func random_numbers(num_agents: int, rng: RandomNumberGenerator) -> Array:
+	var numbers := []
+	if continuous_size == 0:
+		return numbers
+	for _i in num_agents:
+		for part in components:
+			if part.kind == LudusActionComponent.Kind.CONTINUOUS:
+				for _k in part.size:
+					numbers.append(rng.randf_range(part.low, part.high))
+	return numbers
 
 
 ## Describes the policy for the handshake (PROTOCOL.md §4), but for its agents.

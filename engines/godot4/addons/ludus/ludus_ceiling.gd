@@ -28,8 +28,6 @@ func advance() -> bool:
 		return false
 	if _began_us == 0:
 		_began_us = Time.get_ticks_usec()
-		for policy: LudusPolicyBatch in _game.policies:
-			policy.active.fill(1)
 	elif _steps_left == 0:
 		_elapsed_us = Time.get_ticks_usec() - _began_us
 		return true

@@ -247,6 +247,7 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 	var limit := layout.max_steps if layout.max_steps > 0 else 1 << 62
 	for slot: int in _targets.size():
 		var target := _targets[slot]
+		active[slot] = int(target != _lost)
 		if target == _lost:
 			continue
 		_steps[slot] += 1
@@ -256,7 +257,8 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 			agents[slot].world.begin_episode()
 			target.reset()
 		target.get_observation()
-		target.apply_action(layout.random_action(rng))
+	var num := agents.size()
+	set_actions(layout.random_choices(num, rng), layout.random_numbers(num, rng))
 
 
 func _apply() -> void:

@@ -88,19 +88,27 @@ func action_of(slot: int, discrete: PackedInt64Array, continuous: PackedFloat32A
 	return by_name
 
 
-## Draws an action the policy could take.
-func random_action(rng: RandomNumberGenerator) -> Variant:
-	if num_discrete == 1 and continuous_size == 0:
-		return rng.randi() % components[0].n
-	var discrete := PackedInt64Array()
-	var continuous := PackedFloat32Array()
-	for part: LudusActionComponent in components:
-		if part.kind == LudusActionComponent.Kind.DISCRETE:
-			discrete.append(rng.randi() % part.n)
-			continue
-		for i: int in part.size:
-			continuous.append(rng.randf_range(part.low, part.high))
-	return action_of(0, discrete, continuous)
+## Draws choices for [param num_agents] agents.
+func random_choices(num_agents: int, rng: RandomNumberGenerator) -> PackedInt64Array:
+	var choices: PackedInt64Array = []
+	for i: int in num_agents:
+		for part: LudusActionComponent in components:
+			if part.kind == LudusActionComponent.Kind.DISCRETE:
+				choices.append(rng.randi() % part.n)
+	return choices
+
+
+## Draws numbers within their bounds for [param num_agents] agents.
+func random_numbers(num_agents: int, rng: RandomNumberGenerator) -> PackedFloat32Array:
+	var numbers: PackedFloat32Array = []
+	if continuous_size == 0:
+		return numbers
+	for i: int in num_agents:
+		for part: LudusActionComponent in components:
+			if part.kind == LudusActionComponent.Kind.CONTINUOUS:
+				for k: int in part.size:
+					numbers.append(rng.randf_range(part.low, part.high))
+	return numbers
 
 
 ## Describes the policy for the handshake (PROTOCOL.md §4), but for its agents.

@@ -71,6 +71,7 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 		return
 	var limit := layout.max_steps if layout.max_steps > 0 else 1 << 62
 	for slot: int in _simulations.size():
+		active[slot] = int(not _seats[slot].is_idle)
 		if _seats[slot].is_idle:
 			continue
 		var simulation := _simulations[slot]
@@ -82,9 +83,11 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 			simulation.world.begin_episode()
 			_seats[slot].reset()
 			if _seats[slot].is_idle:
+				active[slot] = 0
 				continue
 		simulation.get_observation(index)
-		simulation.apply_action(index, layout.random_action(rng))
+	var num := agents.size()
+	set_actions(layout.random_choices(num, rng), layout.random_numbers(num, rng))
 
 
 func _apply() -> void:
