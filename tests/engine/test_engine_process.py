@@ -206,6 +206,26 @@ def test_script_errors_are_shown_even_if_much_followed() -> None:
     assert "noise 79" not in report
 
 
+def test_a_script_error_of_every_tick_stands_there_once() -> None:
+    code = (
+        "for i in range(50):\n"
+        "    print('SCRIPT ERROR: bad call')\n"
+        "    print('   at: step (res://hero.gd:12)')\n"
+        "    print('noise', i)\n"
+        "    print('SCRIPT ERROR: bad call')\n"
+        "    print('   at: jump (res://hero.gd:40)')\n"
+    )
+    with EngineProcess.start(python(code)) as process:
+        process.wait(20)
+        process.describe_death()
+        assert process.script_errors == [
+            "SCRIPT ERROR: bad call",
+            "   at: step (res://hero.gd:12)",
+            "SCRIPT ERROR: bad call",
+            "   at: jump (res://hero.gd:40)",
+        ]
+
+
 def test_log_file_gets_everything(tmp_path: Path) -> None:
     log = tmp_path / "deep" / "engine.log"
     for _ in range(2):

@@ -46,11 +46,20 @@ class OutputDrain:
         return lines if count is None else lines[max(0, len(lines) - count) :]
 
     def script_errors(self) -> list[str]:
-        """Return what the game's scripts did wrong, as the engine printed it; cheap if nothing."""
+        """Return what the game's scripts did wrong, as the engine printed it; cheap if nothing.
+
+        What was printed again and again, as by every agent in every tick, stands there once.
+        """
         if not self._has_script_error:
             return []
-        marked = mark_errors(self.last_lines())
-        return [line[4:] for line in marked if line.startswith("  !")]
+        reports: list[list[str]] = []
+        for line in mark_errors(self.last_lines()):
+            if not line.startswith("  !"):
+                continue
+            if not reports or _begins_report(line):
+                reports.append([])
+            reports[-1].append(line[4:])
+        return [line for report in dict.fromkeys(map(tuple, reports)) for line in report]
 
     def join(self, timeout_s: float) -> None:
         """Wait until everything written has been read."""
@@ -97,9 +106,13 @@ def mark_errors(lines: list[str]) -> list[str]:
     is_error = False
     for line in lines:
         goes_on = is_error and line.lstrip().startswith(("at:", "GDScript backtrace", "["))
-        is_error = goes_on or any(mark in line for mark in ERROR_MARKS)
+        is_error = goes_on or _begins_report(line)
         marked.append(f"  {'!' if is_error else '|'} {line}")
     return marked
+
+
+def _begins_report(line: str) -> bool:
+    return any(mark in line for mark in ERROR_MARKS)
 
 
 def _open_log(path: Path) -> IO[bytes] | None:
