@@ -8,11 +8,11 @@ from collections.abc import Callable
 
 __all__ = ["Spinner"]
 
-_LONG_S = 0.002
-"""A look that lasts longer hardly pays; on a core that others want, it lasts for milliseconds."""
-_MAX_LONG = 2
-"""Long looks within `_LONG_LOOKS_S` that mean nothing: an update, or the system's own work."""
-_LONG_LOOKS_S = 0.1
+_AWAY_S = 0.001
+"""Between one look and the next it takes so long only if the core was taken away meanwhile."""
+_MAX_LOST = 5
+"""Lost looks within `_LOST_WITHIN_S` that mean nothing: updates, or the system's own work."""
+_LOST_WITHIN_S = 0.1
 _RESPITE_S = 1.0
 """How long nobody looks then."""
 
@@ -23,7 +23,7 @@ class Spinner:
     To wake up costs tens of microseconds, on both sides; to spin costs a core. Where another
     process wants that core, perhaps the very one that is waited for, spinning would cost
     milliseconds a message: each side looks in vain until the system takes the core away from it.
-    So who often looks for long leaves the core alone for a second.
+    So who often finds nothing, or loses the core meanwhile, leaves it alone for a second.
 
     Args:
         connection: Open socket; it keeps its timeout.
@@ -43,7 +43,7 @@ class Spinner:
         self._spin_s = spin_s
         self._clock = clock
         self._respite_until = 0.0
-        self._long_since, self._num_long = 0.0, 0
+        self._lost_since, self._num_lost = 0.0, 0
 
     def read(self, view: memoryview) -> int | None:
         """Return the number of bytes read, 0 at the end of the stream, or None if nothing came.
@@ -51,27 +51,31 @@ class Spinner:
         Raises:
             OSError: The connection is broken.
         """
-        start = now = self._clock()
+        now = self._clock()
         if now < self._respite_until:
             return None
-        count = None
-        while now < start + self._spin_s and count is None:
+        end = now + self._spin_s
+        count, was_away = None, False
+        while now < end and count is None:
+            before = now
             try:
                 count = self._socket.recv_into(view)
             except BlockingIOError:
                 count = None
             now = self._clock()
-        if now - start > _LONG_S:
-            self._note_long(now)
+            if now - before > _AWAY_S:
+                was_away = True
+        if was_away or count is None:
+            self._note_lost(now)
         return count
 
     def close(self) -> None:
         """Close the handle; may be called twice."""
         self._socket.close()
 
-    def _note_long(self, now: float) -> None:
-        if now - self._long_since > _LONG_LOOKS_S:
-            self._long_since, self._num_long = now, 0
-        self._num_long += 1
-        if self._num_long > _MAX_LONG:
+    def _note_lost(self, now: float) -> None:
+        if now - self._lost_since > _LOST_WITHIN_S:
+            self._lost_since, self._num_lost = now, 0
+        self._num_lost += 1
+        if self._num_lost > _MAX_LOST:
             self._respite_until = now + _RESPITE_S

@@ -1,4 +1,4 @@
-"""Looking for bytes without sleeping, and leaving the core alone where that takes long."""
+"""Looking for bytes without sleeping, and leaving the core alone where that is in vain."""
 
 from __future__ import annotations
 
@@ -47,18 +47,30 @@ class Spun:
     def read(self) -> int | None:
         return self.spinner.read(memoryview(self.buffer))
 
-    def look_long(self, count: int, pause_s: float) -> None:
-        """Look for 4 ms in vain so many times, so many seconds apart."""
+    def look_in_vain(self, count: int, pause_s: float) -> None:
+        """Look so many times while nothing comes, so many seconds apart."""
         for _ in range(count):
             self.clock.now += pause_s
-            self.clock.pauses = iter([0.0, 0.004])
             assert self.read() is None
+
+    def lose_core(self, count: int) -> None:
+        """Find something so many times, each time after 2 ms on another core."""
+        for _ in range(count):
+            self.theirs.sendall(b"1")
+            self.clock.pauses = iter([0.0, 0.002])
+            assert self.read() == 1
         self.clock.pauses = QUICK
 
     def close(self) -> None:
         self.spinner.close()
         self.ours.close()
         self.theirs.close()
+
+
+def late(spun: Spun) -> Iterator[float]:
+    """Send three bytes the next time the clock is read."""
+    spun.theirs.sendall(b"123")
+    yield from QUICK
 
 
 @pytest.fixture
@@ -80,8 +92,8 @@ def test_it_takes_what_is_there_and_sees_the_end(spun: Spun) -> None:
     assert spun.read() == 0
 
 
-def test_it_leaves_a_core_that_others_want_for_a_second(spun: Spun) -> None:
-    spun.look_long(3, pause_s=0.02)
+def test_it_leaves_a_core_that_it_loses_for_a_second(spun: Spun) -> None:
+    spun.lose_core(6)
     spun.theirs.sendall(b"123")
     assert spun.clock.looks(spun.read) == 0
     spun.clock.now += 0.9
@@ -90,19 +102,28 @@ def test_it_leaves_a_core_that_others_want_for_a_second(spun: Spun) -> None:
     assert spun.read() == 3
 
 
-@pytest.mark.parametrize(("count", "pause_s"), [(2, 0.02), (20, 0.06)])
-def test_a_long_look_now_and_then_is_nothing(count: int, pause_s: float, spun: Spun) -> None:
-    spun.look_long(count, pause_s)
+def test_it_rests_where_looking_is_in_vain(spun: Spun) -> None:
+    spun.look_in_vain(6, pause_s=0.01)
+    assert spun.clock.looks(spun.read) == 0
+
+
+@pytest.mark.parametrize(("count", "pause_s"), [(5, 0.01), (20, 0.03)])
+def test_in_vain_now_and_then_is_nothing(count: int, pause_s: float, spun: Spun) -> None:
+    spun.look_in_vain(count, pause_s)
     assert spun.clock.looks(spun.read) > 0
 
 
-def test_what_came_late_is_read(spun: Spun) -> None:
-    spun.look_long(2, pause_s=0.02)
-    spun.theirs.sendall(b"123")
-    spun.clock.pauses = iter([0.0, 0.004])
-    assert spun.read() == 3
+def test_to_lose_the_core_now_and_then_is_nothing(spun: Spun) -> None:
+    spun.lose_core(5)
+    assert spun.clock.looks(spun.read) > 0
+
+
+def test_a_long_look_on_a_core_of_its_own_is_nothing(spun: Spun) -> None:
+    for _ in range(20):
+        spun.clock.pauses = itertools.chain([0.0], itertools.repeat(0.0009, 3), late(spun))
+        assert spun.read() == 3
     spun.clock.pauses = QUICK
-    assert spun.clock.looks(spun.read) == 0
+    assert spun.clock.looks(spun.read) > 0
 
 
 def test_the_connection_outlives_it(spun: Spun) -> None:

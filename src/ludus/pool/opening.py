@@ -52,8 +52,8 @@ class PoolConfig:
         max_restarts: How often, in all, an engine that died or froze is started again.
         is_pinned: Give each engine a core of its own.
         spin_us: How long both sides look for a message again and again before they sleep; None:
-            3000 where a core is left beside the engines, else 0. Who often looks for longer than
-            2 ms sleeps at once for a second: somebody else needs the core.
+            3000 where a core is left beside the engines, else 0. Who often looks in vain, or
+            loses the core meanwhile, sleeps at once for a second: somebody else needs the core.
         launch: How games are started and watched.
         bridge: Settings of a target that is a game of an older bridge, such as
             ``{"action_space": …}``; :func:`ludus.make` takes them by their own names.

@@ -9,11 +9,11 @@ const CONNECT_POLL_MS := 5
 const WAIT_POLL_US := 300
 const WATCH_INTERVAL_MS := 100
 const FRAME_TIMEOUT_MS := 30000
-## A look that lasts longer hardly pays; on a core that others want, it lasts for milliseconds.
-const LONG_US := 2000
-## So many long looks within [constant LONG_LOOKS_US] mean nothing: an update, other work.
-const MAX_LONG := 2
-const LONG_LOOKS_US := 100000
+## Between one look and the next it takes so long only if the core was taken away meanwhile.
+const AWAY_US := 1000
+## So many lost looks within [constant LOST_WITHIN_US] mean nothing: updates, other work.
+const MAX_LOST := 5
+const LOST_WITHIN_US := 100000
 ## How long nobody looks then.
 const RESPITE_US := 1000000
 
@@ -36,8 +36,8 @@ var _watch: Thread
 var _mutex := Mutex.new()
 var _deadline_ms: int = 0
 var _respite_until_us: int = 0
-var _long_since_us: int = 0
-var _num_long: int = 0
+var _lost_since_us: int = 0
+var _num_lost: int = 0
 var _is_closing: bool = false
 var _parent_path: String = ""
 
@@ -176,24 +176,28 @@ func _await_connection(timeout_ms: int) -> bool:
 
 
 func _spin() -> void:
-	var start := Time.get_ticks_usec()
-	if spin_us == 0 or start < _respite_until_us:
+	var now := Time.get_ticks_usec()
+	if spin_us == 0 or now < _respite_until_us:
 		return
-	var now := start
-	while now < start + spin_us and _stream.get_available_bytes() == 0:
+	var end := now + spin_us
+	var was_away := false
+	while now < end and _stream.get_available_bytes() == 0:
+		var before := now
 		now = Time.get_ticks_usec()
-	if now - start > LONG_US:
-		_note_long(now)
+		if now - before > AWAY_US:
+			was_away = true
+	if was_away or now >= end:
+		_note_lost(now)
 
 
-## Leaves the core alone for a while if looks are often long: somebody else needs it, perhaps the
-## very process that is waited for.
-func _note_long(now: int) -> void:
-	if now - _long_since_us > LONG_LOOKS_US:
-		_long_since_us = now
-		_num_long = 0
-	_num_long += 1
-	if _num_long > MAX_LONG:
+## Leaves the core alone for a while if looks often find nothing, or lose the core meanwhile:
+## somebody else needs it, perhaps the very process that is waited for.
+func _note_lost(now: int) -> void:
+	if now - _lost_since_us > LOST_WITHIN_US:
+		_lost_since_us = now
+		_num_lost = 0
+	_num_lost += 1
+	if _num_lost > MAX_LOST:
 		_respite_until_us = now + RESPITE_US
 
 

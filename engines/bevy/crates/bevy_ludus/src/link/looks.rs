@@ -2,23 +2,24 @@
 
 use std::time::{Duration, Instant};
 
-/// A look that lasts longer hardly pays; on a core that others want, it lasts for milliseconds.
-const LONG: Duration = Duration::from_millis(2);
-/// Long looks within [`LONG_LOOKS`] that mean nothing: an update, or the system's own work.
-const MAX_LONG: u32 = 2;
-const LONG_LOOKS: Duration = Duration::from_millis(100);
+/// Between one look and the next it takes so long only if the core was taken away meanwhile.
+const AWAY: Duration = Duration::from_millis(1);
+/// Lost looks within [`LOST_WITHIN`] that mean nothing: updates, or the system's own work.
+const MAX_LOST: u32 = 5;
+const LOST_WITHIN: Duration = Duration::from_millis(100);
 /// How long nobody looks then.
 const RESPITE: Duration = Duration::from_secs(1);
 
-/// How long it took to find data lately.
+/// How looking for data went lately.
 ///
 /// Where another process wants the core, perhaps the very one that is waited for, looking without
 /// sleeping would cost milliseconds a message: each side looks in vain until the system takes the
-/// core away from it. So who often looks for long leaves the core alone for a second.
+/// core away from it. So who often finds nothing, or loses the core meanwhile, leaves it alone for a
+/// second.
 #[derive(Debug, Default)]
 pub(super) struct Looks {
-    long_since: Option<Instant>,
-    num_long: u32,
+    lost_since: Option<Instant>,
+    num_lost: u32,
     respite_until: Option<Instant>,
 }
 
@@ -28,17 +29,22 @@ impl Looks {
         self.respite_until.is_some_and(|until| now < until)
     }
 
-    /// Takes when a look began and ended, found or not.
-    pub fn note(&mut self, start: Instant, now: Instant) {
-        if now - start <= LONG {
-            return;
+    /// Returns whether the core was taken away between two looks.
+    pub fn was_away(before: Instant, now: Instant) -> bool {
+        now - before > AWAY
+    }
+
+    /// Takes that looking found nothing, or lost the core meanwhile.
+    pub fn note_lost(&mut self, now: Instant) {
+        if self
+            .lost_since
+            .is_none_or(|since| now - since > LOST_WITHIN)
+        {
+            self.lost_since = Some(now);
+            self.num_lost = 0;
         }
-        if self.long_since.is_none_or(|since| now - since > LONG_LOOKS) {
-            self.long_since = Some(now);
-            self.num_long = 0;
-        }
-        self.num_long += 1;
-        if self.num_long > MAX_LONG {
+        self.num_lost += 1;
+        if self.num_lost > MAX_LOST {
             self.respite_until = Some(now + RESPITE);
         }
     }
@@ -50,39 +56,42 @@ mod tests {
 
     const MILLISECOND: Duration = Duration::from_millis(1);
 
-    /// Looks for 3 ms so many times, with a pause before each; returns when that was over.
-    fn look_long(looks: &mut Looks, count: u32, pause: Duration) -> Instant {
+    /// Loses so many looks, with a pause before each; returns when the last was over.
+    fn lose(looks: &mut Looks, count: u32, pause: Duration) -> Instant {
         let mut now = Instant::now();
         for _ in 0..count {
             now += pause;
-            looks.note(now, now + 3 * MILLISECOND);
-            now += 3 * MILLISECOND;
+            looks.note_lost(now);
         }
         now
     }
 
     #[test]
-    fn three_long_looks_at_once_are_followed_by_a_second_of_respite() {
+    fn six_lost_looks_at_once_are_followed_by_a_second_of_respite() {
         let mut looks = Looks::default();
-        let now = look_long(&mut looks, 3, 10 * MILLISECOND);
+        let now = lose(&mut looks, 6, 15 * MILLISECOND);
         assert!(looks.is_respite(now + 999 * MILLISECOND));
         assert!(!looks.is_respite(now + 1000 * MILLISECOND));
     }
 
     #[test]
-    fn a_long_look_now_and_then_is_nothing() {
+    fn five_at_once_are_nothing() {
         let mut looks = Looks::default();
-        let now = look_long(&mut looks, 20, 60 * MILLISECOND);
+        let now = lose(&mut looks, 5, 15 * MILLISECOND);
         assert!(!looks.is_respite(now));
     }
 
     #[test]
-    fn short_looks_are_nothing() {
+    fn one_now_and_then_is_nothing() {
         let mut looks = Looks::default();
+        let now = lose(&mut looks, 20, 30 * MILLISECOND);
+        assert!(!looks.is_respite(now));
+    }
+
+    #[test]
+    fn the_core_was_away_where_a_millisecond_is_missing() {
         let now = Instant::now();
-        for i in 0..100 {
-            looks.note(now + i * LONG, now + (i + 1) * LONG);
-        }
-        assert!(!looks.is_respite(now + 100 * LONG));
+        assert!(!Looks::was_away(now, now + MILLISECOND));
+        assert!(Looks::was_away(now, now + 2 * MILLISECOND));
     }
 }

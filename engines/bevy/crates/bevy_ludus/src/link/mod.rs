@@ -196,16 +196,23 @@ impl Link {
     /// was in vain, or somebody else needs the core. Waking up costs tens of microseconds, where a
     /// core is free for looking.
     fn spin_for_data(&mut self) -> io::Result<Option<usize>> {
-        let start = Instant::now();
-        if self.spin.is_zero() || self.looks.is_respite(start) {
+        let mut now = Instant::now();
+        if self.spin.is_zero() || self.looks.is_respite(now) {
             return Ok(None);
         }
+        let end = now + self.spin;
+        let mut was_away = false;
         self.stream.set_nonblocking(true)?;
         let mut result = Err(ErrorKind::WouldBlock.into());
-        while start.elapsed() < self.spin && is_empty_handed(&result) {
+        while now < end && is_empty_handed(&result) {
+            let before = now;
             result = self.stream.read(&mut self.input[self.filled..]);
+            now = Instant::now();
+            was_away |= Looks::was_away(before, now);
         }
-        self.looks.note(start, Instant::now());
+        if was_away || is_empty_handed(&result) {
+            self.looks.note_lost(now);
+        }
         self.stream.set_nonblocking(false)?;
         match result {
             Err(error) if error.kind() == ErrorKind::WouldBlock => Ok(None),
