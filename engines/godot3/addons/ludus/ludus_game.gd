@@ -46,7 +46,9 @@ func open(max_episode_steps: int, ticks_override: int) -> bool:
 			if LudusSimulationBatch.fits(rosters[name])
 			else LudusPolicyBatch
 		)
-		var policy: LudusPolicyBatch = batch_class.new(name, rosters[name], worlds, max_episode_steps)
+		var policy: LudusPolicyBatch = batch_class.new(
+			name, rosters[name], worlds, max_episode_steps
+		)
 		policies.append(policy)
 		action_bytes += policy.action_bytes()
 		_num_agents_in_world += _slots_per_world[name]
