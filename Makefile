@@ -25,7 +25,7 @@ ifneq ($(RUSTUP),)
 export RUSTUP_HOME ?= $(RUSTUP)
 endif
 
-.PHONY: setup demo test lint bench clean bevy-cargo bevy-lint bevy-test bevy-examples
+.PHONY: setup demo test screen lint bench clean bevy-cargo bevy-lint bevy-test bevy-examples
 .DELETE_ON_ERROR:
 
 setup: .venv/.ready
@@ -76,7 +76,12 @@ bevy-examples: bevy-cargo
 		rest_tiles cartpole shooter rest_cartpole; \
 		do cargo build --release --locked --package $$example || exit 1; done
 
-test: setup lint bevy-test bevy-examples
+# Else the tests with pictures would fail, an hour later.
+screen:
+	@test "$$(uname)" != Linux || test -n "$$DISPLAY$$WAYLAND_DISPLAY" || command -v xvfb-run > /dev/null || \
+		{ echo "the tests with pictures need a screen, or Xvfb: apt install xvfb xauth"; exit 1; }
+
+test: screen setup lint bevy-test bevy-examples
 	@$(BIN)/ludus engine install godot4 --rendering
 	@$(BIN)/ludus engine install godot3 --rendering
 	$(BIN)/pytest
