@@ -71,7 +71,6 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 		return
 	var limit := layout.max_steps if layout.max_steps > 0 else 1 << 62
 	for slot: int in _simulations.size():
-		active[slot] = int(not _seats[slot].is_idle)
 		if _seats[slot].is_idle:
 			continue
 		var simulation := _simulations[slot]
@@ -83,10 +82,12 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 			simulation.world.begin_episode()
 			_seats[slot].reset()
 			if _seats[slot].is_idle:
-				active[slot] = 0
 				continue
 		simulation.get_observation(index)
+	# Only now: the end of one agent's episode may begin another one's, or make it wait.
 	var num := agents.size()
+	for slot: int in num:
+		active[slot] = int(not _seats[slot].is_idle)
 	set_actions(layout.random_choices(num, rng), layout.random_numbers(num, rng))
 
 
