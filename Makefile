@@ -68,7 +68,7 @@ bevy-lint: bevy-cargo
 	cd $(BEVY_PROJECT) && RUSTDOCFLAGS='-D warnings' cargo doc --locked --workspace --all-features --no-deps
 
 bevy-test: bevy-cargo
-	cd $(BEVY_PROJECT) && cargo test --locked --workspace --all-features
+	cd $(BEVY_PROJECT) && cargo test --release --config checked.toml --locked --workspace --all-features
 
 # Those with pictures take minutes, which no test should have to wait for.
 bevy-examples: bevy-cargo
