@@ -25,7 +25,7 @@ ifneq ($(RUSTUP),)
 export RUSTUP_HOME ?= $(RUSTUP)
 endif
 
-.PHONY: setup demo test screen lint bench clean bevy-cargo bevy-lint bevy-test bevy-examples
+.PHONY: setup demo test screen renderers lint lint-python bench clean bevy bevy-cargo bevy-lint bevy-test bevy-examples
 .DELETE_ON_ERROR:
 
 setup: .venv/.ready
@@ -48,7 +48,9 @@ setup: .venv/.ready
 demo: setup
 	$(BIN)/ludus train cartpole --target-return 249
 
-lint: .venv/.ready .venv/gdtoolkit3/.ready
+lint: lint-python bevy-lint
+
+lint-python: .venv/.ready .venv/gdtoolkit3/.ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
@@ -56,7 +58,12 @@ lint: .venv/.ready .venv/gdtoolkit3/.ready
 	$(BIN)/gdformat --check $(GDSCRIPT)
 	cd $(GODOT3_PROJECT) && ../../$(BIN3)/gdlint $(GDSCRIPT3)
 	cd $(GODOT3_PROJECT) && ../../$(BIN3)/gdformat --check -l 100 $(GDSCRIPT3)
+
+# One after the other: Cargo lets nobody else build meanwhile.
+bevy: bevy-cargo
 	@$(MAKE) --no-print-directory bevy-lint
+	@$(MAKE) --no-print-directory bevy-test
+	@$(MAKE) --no-print-directory bevy-examples
 
 bevy-cargo:
 	@command -v cargo > /dev/null || \
@@ -81,9 +88,13 @@ screen:
 	@test "$$(uname)" != Linux || test -n "$$DISPLAY$$WAYLAND_DISPLAY" || command -v xvfb-run > /dev/null || \
 		{ echo "the tests with pictures need a screen, or Xvfb: apt install xvfb xauth"; exit 1; }
 
-test: screen setup lint bevy-test bevy-examples
+renderers: setup
 	@$(BIN)/ludus engine install godot4 --rendering
 	@$(BIN)/ludus engine install godot3 --rendering
+
+# Cargo often has work for one core only, so that the rest goes on beside it.
+test: screen
+	@$(MAKE) --no-print-directory --jobs=2 bevy renderers lint-python
 	$(BIN)/pytest
 
 bench: setup
