@@ -74,8 +74,9 @@ bevy-lint: bevy-cargo
 	cd $(BEVY_PROJECT) && cargo clippy --locked --workspace --all-features --all-targets -- -D warnings
 	cd $(BEVY_PROJECT) && RUSTDOCFLAGS='-D warnings' cargo doc --locked --workspace --all-features --no-deps
 
+# Tests in comments would look for the job server of make, in vain, and warn of that.
 bevy-test: bevy-cargo
-	cd $(BEVY_PROJECT) && cargo test --release --config checked.toml --locked --workspace --all-features
+	cd $(BEVY_PROJECT) && MAKEFLAGS= cargo test --release --config checked.toml --locked --workspace --all-features
 
 # Those with pictures take minutes, which no test should have to wait for.
 bevy-examples: bevy-cargo
