@@ -25,7 +25,7 @@ ifneq ($(RUSTUP),)
 export RUSTUP_HOME ?= $(RUSTUP)
 endif
 
-.PHONY: setup demo test screen renderers lint lint-python bench clean bevy bevy-cargo bevy-lint bevy-test bevy-examples
+.PHONY: setup demo test screen renderers lint lint-scripts bench clean bevy bevy-cargo bevy-lint bevy-test bevy-examples
 .DELETE_ON_ERROR:
 
 setup: .venv/.ready
@@ -48,9 +48,9 @@ setup: .venv/.ready
 demo: setup
 	$(BIN)/ludus train cartpole --target-return 249
 
-lint: lint-python bevy-lint
+lint: lint-scripts bevy-lint
 
-lint-python: .venv/.ready .venv/gdtoolkit3/.ready
+lint-scripts: .venv/.ready .venv/gdtoolkit3/.ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
@@ -95,7 +95,7 @@ renderers: setup
 
 # Cargo often has work for one core only, so that the rest goes on beside it.
 test: screen
-	@$(MAKE) --no-print-directory --jobs=2 bevy renderers lint-python
+	@$(MAKE) --no-print-directory --jobs=2 bevy renderers lint-scripts
 	$(BIN)/pytest
 
 bench: setup
