@@ -93,10 +93,12 @@ renderers: setup
 	@$(BIN)/ludus engine install godot4 --rendering
 	@$(BIN)/ludus engine install godot3 --rendering
 
-# Cargo often has work for one core only, so that the rest goes on beside it.
+# Cargo often has work for one core only, so that the rest goes on beside it. So do the tests, many
+# of which wait for deadlines; a file stays with one process, as its games do.
 test: screen
 	@$(MAKE) --no-print-directory --jobs=2 bevy renderers lint-scripts
-	$(BIN)/pytest
+	$(BIN)/pytest --numprocesses=2 --dist=loadfile -m 'not alone'
+	$(BIN)/pytest -m alone
 
 bench: setup
 	$(BIN)/python benchmarks/godot4.py

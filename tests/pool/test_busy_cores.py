@@ -15,7 +15,7 @@ from ludus.engine.affinity import allowed_cores
 from ludus.pool import PoolConfig, open_pool
 from ludus.pool.opening import DEFAULT_SPIN_US
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(180, func_only=True)]
+pytestmark = [pytest.mark.engine, pytest.mark.alone, pytest.mark.timeout(180, func_only=True)]
 
 ROUNDS = 3
 SECONDS = 1.0

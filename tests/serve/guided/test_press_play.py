@@ -181,6 +181,7 @@ def test_without_a_python_the_game_says_so_and_goes_on(
     assert game.is_alive
 
 
+@pytest.mark.alone
 def test_time_passes_faster_than_in_the_world(desk: Desk) -> None:
     desk.press_play()
     desk.await_steps(0)
