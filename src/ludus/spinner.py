@@ -13,8 +13,9 @@ _AWAY_S = 0.001
 _MAX_LOST = 5
 """Lost looks within `_LOST_WITHIN_S` that mean nothing: updates, or the system's own work."""
 _LOST_WITHIN_S = 0.1
-_RESPITE_S = 1.0
-"""How long nobody looks then."""
+_FIRST_RESPITE_S = 0.1
+"""How long nobody looks then; twice as long each time that the core is soon lost again."""
+_LONGEST_RESPITE_S = 1.0
 
 
 class Spinner:
@@ -23,7 +24,8 @@ class Spinner:
     To wake up costs tens of microseconds, on both sides; to spin costs a core. Where another
     process wants that core, perhaps the very one that is waited for, spinning would cost
     milliseconds a message: each side looks in vain until the system takes the core away from it.
-    So who often finds nothing, or loses the core meanwhile, leaves it alone for a second.
+    So who often finds nothing, or loses the core meanwhile, leaves it alone for a while: a tenth
+    of a second, or up to a second where that happens again and again.
 
     Args:
         connection: Open socket; it keeps its timeout.
@@ -42,7 +44,7 @@ class Spinner:
         self._socket.setblocking(False)
         self._spin_s = spin_s
         self._clock = clock
-        self._respite_until = 0.0
+        self._respite_s, self._respite_until = 0.0, 0.0
         self._lost_since, self._num_lost = 0.0, 0
 
     def read(self, view: memoryview) -> int | None:
@@ -78,4 +80,7 @@ class Spinner:
             self._lost_since, self._num_lost = now, 0
         self._num_lost += 1
         if self._num_lost > _MAX_LOST:
-            self._respite_until = now + _RESPITE_S
+            is_soon = now - self._respite_until < _LONGEST_RESPITE_S
+            longer = 2.0 * self._respite_s if is_soon else 0.0
+            self._respite_s = min(max(longer, _FIRST_RESPITE_S), _LONGEST_RESPITE_S)
+            self._respite_until = now + self._respite_s

@@ -49,6 +49,7 @@ class FrameType(IntEnum):
     CLOSE = 12
 
 
+_TYPES = {int(frame_type): frame_type for frame_type in FrameType}
 _LIMITS = {
     FrameType.RESET: MAX_BINARY_BYTES,
     FrameType.STEP: MAX_BINARY_BYTES,
@@ -79,13 +80,12 @@ def decode_header(header: bytes | bytearray | memoryview) -> tuple[FrameType, in
         ProtocolError: Unknown type, set reserved bits, or a length over the limit.
     """
     num_bytes, number, flags, reserved = HEADER.unpack(header)
-    try:
-        frame_type = FrameType(number)
-    except ValueError:
+    frame_type = _TYPES.get(number)
+    if frame_type is None:
         raise ProtocolError(
             f"frame of unknown type {number}",
             hint="something that is no Ludus engine may be speaking on this connection",
-        ) from None
+        )
     if flags or reserved:
         raise ProtocolError(f"{frame_type.name} frame with flags {flags}, reserved {reserved}")
     limit = _LIMITS.get(frame_type, MAX_JSON_BYTES)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import Enum, auto
+from enum import IntEnum, auto
 
 from ludus.errors import ProtocolError, SequenceError
 from ludus.wire.frames import FrameType
@@ -10,7 +10,7 @@ from ludus.wire.frames import FrameType
 __all__ = ["ConnectionState", "State"]
 
 
-class State(Enum):
+class State(IntEnum):
     """Where a conversation stands."""
 
     CONNECTED = auto()

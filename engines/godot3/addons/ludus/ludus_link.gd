@@ -15,8 +15,9 @@ const AWAY_US := 1000
 ## So many lost looks within [constant LOST_WITHIN_US] mean nothing: updates, other work.
 const MAX_LOST := 5
 const LOST_WITHIN_US := 100000
-## How long nobody looks then.
-const RESPITE_US := 1000000
+## How long nobody looks then; twice as long each time that the core is soon lost again.
+const FIRST_RESPITE_US := 100000
+const LONGEST_RESPITE_US := 1000000
 const UNIX_PREFIX := "unix:"
 
 ## Type of the frame that [method receive] read.
@@ -37,6 +38,7 @@ var _stream: StreamPeerTCP
 var _watch: Thread
 var _mutex := Mutex.new()
 var _deadline_ms: int = 0
+var _respite_us: int = 0
 var _respite_until_us: int = 0
 var _lost_since_us: int = 0
 var _num_lost: int = 0
@@ -190,7 +192,10 @@ func _note_lost(now: int) -> void:
 		_num_lost = 0
 	_num_lost += 1
 	if _num_lost > MAX_LOST:
-		_respite_until_us = now + RESPITE_US
+		var is_soon := now - _respite_until_us < LONGEST_RESPITE_US
+		var longer := 2 * _respite_us if is_soon else 0
+		_respite_us = int(clamp(longer, FIRST_RESPITE_US, LONGEST_RESPITE_US))
+		_respite_until_us = now + _respite_us
 
 
 func _read(num_bytes: int) -> PoolByteArray:
