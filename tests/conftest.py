@@ -11,11 +11,30 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 
+from ludus.engine import EngineKind, InstalledEngine, find_engine
+from ludus.engine.debian_template import DebianTemplateRoute
+from ludus.engine.install_template import install_template
+from ludus.engine.official_template import OfficialTemplateRoute
+from ludus.engine.template import ExportTemplate
+
 _skipped: list[str] = []
 
 # How long an example takes says more about the machine than about what is tested.
 settings.register_profile("ludus", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("ludus")
+
+
+@pytest.fixture(scope="session")
+def godot4() -> InstalledEngine:
+    """The real engine; a machine without one fails these tests."""
+    return find_engine(EngineKind.GODOT4)
+
+
+@pytest.fixture(scope="session")
+def template(godot4: InstalledEngine) -> ExportTemplate:
+    """The real export template; a machine that cannot get one fails these tests."""
+    # Debian's first: the official archive has the templates of all platforms, ten times the size.
+    return install_template(godot4, routes=(DebianTemplateRoute(), OfficialTemplateRoute()))
 
 
 def pytest_configure() -> None:

@@ -6,12 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from ludus.engine.debian_template import DebianTemplateRoute
-from ludus.engine.find import InstalledEngine, find_engine
-from ludus.engine.install_template import install_template
 from ludus.engine.kinds import EngineKind
-from ludus.engine.official_template import OfficialTemplateRoute
-from ludus.engine.template import ExportTemplate
 
 PROJECT_TEXT = """\
 ; Engine configuration file.
@@ -38,19 +33,6 @@ func _ready() -> void:
 \tprint("tiny ", TinyThing.new().value)
 """
 THING_TEXT = "class_name TinyThing\nextends RefCounted\nvar value := 7\n"
-
-
-@pytest.fixture(scope="session")
-def godot4() -> InstalledEngine:
-    """The real engine; a machine without one fails these tests."""
-    return find_engine(EngineKind.GODOT4)
-
-
-@pytest.fixture(scope="session")
-def template(godot4: InstalledEngine) -> ExportTemplate:
-    """The real export template; a machine that cannot get one fails these tests."""
-    # Debian's first: the official archive has the templates of all platforms, ten times the size.
-    return install_template(godot4, routes=(DebianTemplateRoute(), OfficialTemplateRoute()))
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ import psutil
 import pytest
 
 from ludus.batch import ActionBatch, Batches
-from ludus.engine import EngineKind, InstalledEngine, find_engine, resolve_target
+from ludus.engine import resolve_target
 from ludus.engine.bundled import bundled_root
 from ludus.session import EngineSession, LaunchOptions, open_session
 from ludus.wire.handshake import EngineConfig
@@ -172,12 +172,6 @@ def _has_ended(pid: int) -> bool:
         return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:
         return True
-
-
-@pytest.fixture(scope="session")
-def godot4() -> InstalledEngine:
-    """The real engine; a machine without one fails these tests."""
-    return find_engine(EngineKind.GODOT4)
 
 
 def make_project(folder: Path) -> Path:

@@ -23,14 +23,10 @@ import ludus
 from ludus.cli import main
 from ludus.engine import (
     ExportTemplate,
-    InstalledEngine,
     export_game,
-    install_template,
     resolve_target,
 )
 from ludus.engine.bundled import bundled_root
-from ludus.engine.debian_template import DebianTemplateRoute
-from ludus.engine.official_template import OfficialTemplateRoute
 from ludus.model import PolicyModel, write_model
 from ludus.model.policy_model import Distribution, Linear
 from ludus.session import LaunchOptions, open_session
@@ -45,13 +41,6 @@ pytestmark = [pytest.mark.engine, pytest.mark.timeout(600)]
 NUM_STEPS = 300
 FULL_LENGTH = 250
 TIMEOUT_S = 60.0
-
-
-@pytest.fixture(scope="session")
-def template(godot4: InstalledEngine) -> ExportTemplate:
-    """The real template; a machine that cannot get one fails these tests."""
-    # Debian's first: the official archive has the templates of all platforms, ten times the size.
-    return install_template(godot4, routes=(DebianTemplateRoute(), OfficialTemplateRoute()))
 
 
 @pytest.fixture(scope="session")

@@ -237,6 +237,7 @@ def test_a_policy_in_the_scene(weight: float, length: int, project: Path, games:
     assert f"told pole Agent {2 * length} {length}" in game.lines, game.lines
 
 
+@pytest.mark.usefixtures("template")
 def test_a_policy_in_an_exported_game(project: Path, games: Games) -> None:
     """The file goes along because the scene needs it, not because a filter includes it."""
     write_model(project / "pole.ludus.json", linear_policy("pole", [-1.0]))

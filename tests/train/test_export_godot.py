@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import torch
 
-from ludus.engine import EngineKind, InstalledEngine, find_engine
+from ludus.engine import InstalledEngine
 from ludus.errors import EngineError, EngineTimeout, ParityError
 from ludus.model.json_file import write_model
 from ludus.spec import ObservationEntry, PolicySpec
@@ -33,11 +33,6 @@ pytestmark = pytest.mark.engine
 ATARI = dataclasses.replace(
     SIMPLE, observation=(ObservationEntry("camera", "uint8", (4, 84, 84, 1), 0, 255),)
 )
-
-
-@pytest.fixture(scope="module")
-def godot4() -> InstalledEngine:
-    return find_engine(EngineKind.GODOT4)
 
 
 def engines() -> list[int]:
