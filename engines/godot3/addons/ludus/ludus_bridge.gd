@@ -48,8 +48,6 @@ var _batch_flags: int = 0
 var _guidance := LudusGuidance.new()
 var _requests := LudusRequests.new()
 var _status := LudusTrainingStatus.new()
-## The next answer, begun while the trainer thinks.
-var _next_frame: StreamPeerBuffer
 ## Clock of PROTOCOL.md §7, microseconds.
 var _left_us: int = 0
 var _engine_us: int = 0
@@ -242,8 +240,8 @@ func _settle_or_answer() -> bool:
 
 func _answer() -> void:
 	var began := OS.get_ticks_usec()
-	var frame := _next_frame if _next_frame != null else LudusWire.begin_batch()
-	_next_frame = null
+	var frame := LudusWire.begin(LudusWire.Type.BATCH)
+	LudusWire.put_zeros(frame, LudusWire.BATCH_HEAD_BYTES)
 	_game.append_to(frame)
 	if not _game.error.empty():
 		_fail("game", _game.error)
@@ -256,7 +254,6 @@ func _answer() -> void:
 	frame.put_u32(_wait_us)
 	frame.put_u32(_batch_flags | _requests.flags())
 	_send(LudusWire.finish(frame))
-	_next_frame = LudusWire.begin_batch()
 
 
 func _send(frame: PoolByteArray) -> void:

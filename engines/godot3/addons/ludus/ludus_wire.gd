@@ -56,13 +56,6 @@ static func begin(type: int) -> StreamPeerBuffer:
 	return frame
 
 
-## Returns a [code]BATCH[/code] that has zeros for its head; policies come behind it.
-static func begin_batch() -> StreamPeerBuffer:
-	var frame := begin(Type.BATCH)
-	put_zeros(frame, BATCH_HEAD_BYTES)
-	return frame
-
-
 ## Writes the length of the payload into a frame's header and returns the whole frame.
 static func finish(frame: StreamPeerBuffer) -> PoolByteArray:
 	frame.seek(0)
