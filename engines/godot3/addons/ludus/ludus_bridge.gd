@@ -241,7 +241,9 @@ func _settle_or_answer() -> bool:
 func _answer() -> void:
 	var began := OS.get_ticks_usec()
 	var frame := LudusWire.begin(LudusWire.Type.BATCH)
-	LudusWire.put_zeros(frame, LudusWire.BATCH_HEAD_BYTES)
+	# What is left out here is written below.
+	frame.resize(LudusWire.HEADER_BYTES + LudusWire.BATCH_HEAD_BYTES)
+	frame.seek(frame.get_size())
 	_game.append_to(frame)
 	if not _game.error.empty():
 		_fail("game", _game.error)

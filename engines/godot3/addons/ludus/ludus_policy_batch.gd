@@ -208,11 +208,9 @@ func clear_outcomes() -> void:
 ## observations.
 func append_to(frame: StreamPeerBuffer) -> void:
 	append_observations(frame)
-	LudusWire.put_bytes(frame, LudusWire.float_bytes(_rewards))
-	LudusWire.pad(frame)
+	LudusWire.put_padded(frame, LudusWire.float_bytes(_rewards))
 	for flags in [_terminated, _truncated, active]:
-		LudusWire.put_bytes(frame, flags)
-		LudusWire.pad(frame)
+		LudusWire.put_padded(frame, flags)
 	if layout.has_action_mask:
 		append_masks(frame)
 
@@ -245,14 +243,11 @@ func append_final_to(frame: StreamPeerBuffer) -> void:
 	frame.put_u32(0)
 	if final_slots.empty():
 		return
-	LudusWire.put_bytes(frame, LudusWire.int_bytes(final_slots))
-	LudusWire.pad(frame)
+	LudusWire.put_padded(frame, LudusWire.int_bytes(final_slots))
 	if _flat_size >= 0:
-		LudusWire.put_bytes(frame, LudusWire.float_bytes(_final_numbers))
-		LudusWire.pad(frame)
+		LudusWire.put_padded(frame, LudusWire.float_bytes(_final_numbers))
 	for part in _final_parts:
-		LudusWire.put_bytes(frame, part)
-		LudusWire.pad(frame)
+		LudusWire.put_padded(frame, part)
 
 
 ## Plays one step with random actions, as the ceiling that [code]run_ceiling[/code] measures: all
@@ -315,8 +310,7 @@ func _append_flat(frame: StreamPeerBuffer) -> void:
 			numbers.append_array(value)
 		else:
 			numbers.append_array(_flat_numbers(slot, value))
-	LudusWire.put_bytes(frame, LudusWire.float_bytes(numbers))
-	LudusWire.pad(frame)
+	LudusWire.put_padded(frame, LudusWire.float_bytes(numbers))
 
 
 func _append_entries(frame: StreamPeerBuffer) -> void:

@@ -129,5 +129,4 @@ func _append_flat(frame: StreamPeerBuffer) -> void:
 			numbers.append_array(value)
 		else:
 			numbers.append_array(_flat_numbers(slot, value))
-	LudusWire.put_bytes(frame, LudusWire.float_bytes(numbers))
-	LudusWire.pad(frame)
+	LudusWire.put_padded(frame, LudusWire.float_bytes(numbers))

@@ -42,6 +42,16 @@ const BATCH_HEAD_BYTES := 24
 const FLAG_RESET := 1
 const FLAG_REQUESTS := 2
 
+## Largest payload of each type that a trainer may send.
+const _MAX_PAYLOADS := {
+	Type.WELCOME: MAX_JSON_BYTES,
+	Type.RESET: MAX_PAYLOAD_BYTES,
+	Type.STEP: MAX_PAYLOAD_BYTES,
+	Type.CALL: MAX_JSON_BYTES,
+	Type.PING: MAX_PING_BYTES,
+	Type.ERROR: MAX_JSON_BYTES,
+	Type.CLOSE: 0,
+}
 ## Bytes that [code]var2bytes[/code] puts before the elements of a pool array: type and count.
 const _VARIANT_HEAD_BYTES := 8
 ## So many numbers are read faster one by one.
@@ -77,16 +87,7 @@ static func raw_frame(type: int, payload: PoolByteArray) -> PoolByteArray:
 
 ## Largest payload a trainer may send in a frame of this type; -1 if it may not send the type.
 static func max_payload_bytes(type: int) -> int:
-	match type:
-		Type.WELCOME, Type.CALL, Type.ERROR:
-			return MAX_JSON_BYTES
-		Type.RESET, Type.STEP:
-			return MAX_PAYLOAD_BYTES
-		Type.PING:
-			return MAX_PING_BYTES
-		Type.CLOSE:
-			return 0
-	return -1
+	return _MAX_PAYLOADS.get(type, -1)
 
 
 ## Puts zeros into a frame up to a multiple of 8 bytes. Header and alignment are both 8, so the
@@ -114,6 +115,15 @@ static func put_bytes(frame: StreamPeerBuffer, bytes: PoolByteArray) -> void:
 	if not bytes.empty():
 		# There is no other way for this to fail.
 		var _ok := frame.put_data(bytes)
+
+
+## Puts bytes into a frame, and zeros after them as [method pad] does.
+static func put_padded(frame: StreamPeerBuffer, bytes: PoolByteArray) -> void:
+	if bytes.empty():
+		return
+	var _ok := frame.put_data(bytes)
+	if frame.get_position() & 7:
+		pad(frame)
 
 
 ## Number of bytes with padding to a multiple of 8.
