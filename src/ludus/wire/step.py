@@ -24,8 +24,6 @@ _FLAG_RESET = 1
 _FLAG_REQUESTS = 2
 _FINAL_HEAD = struct.Struct("<II")
 _SLOT = np.dtype("<u4")
-_FEW = 32
-"""So many numbers are compared faster one by one."""
 
 
 class StepEncoder:
@@ -133,17 +131,11 @@ class BatchDecoder:
             offset += padded(count * entry.num_bytes)
         if offset > end:
             raise ProtocolError(f"BATCH has {count} final observations of {policy.name}")
-        if not _is_ascending(index) or index[-1] >= policy.num_agents:
+        is_ascending = np.count_nonzero(index[1:] > index[:-1]) == count - 1
+        if index[-1] >= policy.num_agents or not is_ascending:
             raise ProtocolError(f"final slots of {policy.name} are out of range or not ascending")
         batch.final_index, batch.final_observation = index, observation
         return offset
-
-
-def _is_ascending(index: NDArray[np.int64]) -> bool:
-    if index.size <= _FEW:
-        slots = index.tolist()
-        return slots == sorted(set(slots))
-    return np.count_nonzero(index[1:] > index[:-1]) == index.size - 1
 
 
 def max_batch_bytes(spec: Spec) -> int:
