@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from ludus.errors import SetupError
-from ludus.serve.guided.door import MAX_GUESTS, Door
+from ludus.serve.guided.door import MAX_GUESTS, PATIENCE_S, POLL_S, Door
 from ludus.serve.guided.guest import LINGER_S
 from tests.fake_engine import HELLO
 from tests.serve.guided.conftest import Running, Start
@@ -90,7 +90,7 @@ def greeting(**changes: Any) -> bytes:
     return json_frame("HELLO", hello)
 
 
-def test_a_second_game_is_told_at_once(server: Running) -> None:
+def test_a_second_game_is_told_soon(server: Running) -> None:
     game = server.training()
     second = Game(server.port, {"run": "other"})
     second.await_the_end()
@@ -186,6 +186,35 @@ def test_a_game_that_hung_up_unnoticed_makes_room(door: Door, knock: Knock) -> N
     assert waiting.training.run == "second"
     visitor.link.close()
     waiting.link.close()
+
+
+def test_a_game_that_comes_before_the_first_hangs_up(door: Door, knock: Knock) -> None:
+    first, second = knock(door.port), knock(door.port)
+    first.say(greeting())
+    visitor = door.let_in(DEADLINE_S)
+    assert visitor is not None
+    second.say(greeting(training={"run": "second"}))
+    await_hearing(door, knock)
+    time.sleep(2 * POLL_S)
+    first.socket.close()
+    waiting = door.let_in(DEADLINE_S)
+    assert waiting is not None
+    assert waiting.training.run == "second"
+    visitor.link.close()
+    waiting.link.close()
+
+
+def test_one_who_is_told_to_wait_may_leave(door: Door, knock: Knock) -> None:
+    first, second = knock(door.port), knock(door.port)
+    first.say(greeting())
+    visitor = door.let_in(DEADLINE_S)
+    assert visitor is not None
+    second.say(greeting(training={"run": "second"}))
+    await_hearing(door, knock)
+    second.socket.close()
+    time.sleep(2 * POLL_S)
+    visitor.link.close()
+    assert door.let_in(2 * PATIENCE_S) is None
 
 
 def test_one_who_waited_and_left_makes_room(door: Door, knock: Knock) -> None:

@@ -24,9 +24,12 @@ __all__ = ["Door", "Visitor"]
 
 POLL_S = 0.1
 MAX_GUESTS = 64
-"""More at once, none of which has greeted, are dropped."""
+"""More at once are dropped."""
 BACKLOG = 2 * MAX_GUESTS
 """Whoever finds no room here tries again a second later, and only then is dropped or let in."""
+PATIENCE_S = 1.0
+"""How long a game waits for the one inside to go: that it has hung up can be known later than that
+somebody knocks, by milliseconds on Linux, and where :func:`has_hung_up` cannot tell by more."""
 
 log = logging.getLogger(__name__)
 
@@ -46,6 +49,16 @@ class Visitor:
     hello: Hello
     training: Training
     name: str
+
+
+@dataclass(frozen=True)
+class _Caller:
+    """A guest that has greeted, and may come in until ``deadline`` if there is room."""
+
+    guest: Guest
+    hello: Hello
+    training: Training
+    deadline: float
 
 
 class Door:
@@ -69,6 +82,7 @@ class Door:
         self._hello_timeout_s = hello_timeout_s
         self._link_timeout_s = link_timeout_s
         self._guests: set[Guest] = set()
+        self._callers: list[_Caller] = []
         self._is_closing = threading.Event()
         self._has_come = threading.Condition()
         self._next: Visitor | None = None
@@ -109,8 +123,9 @@ class Door:
                         self._attend(selector, key.data)
                     else:
                         self._accept(selector)
+                self._attend_callers(selector)
                 self._drop_the_late(selector)
-            for guest in self._guests:
+            for guest in [*self._guests, *(caller.guest for caller in self._callers)]:
                 guest.socket.close()
 
     def _accept(self, selector: selectors.BaseSelector) -> None:
@@ -120,13 +135,12 @@ class Door:
             log.warning("a connection could not be accepted: %s", error)
             time.sleep(POLL_S)
             return
-        if len(self._guests) >= MAX_GUESTS:
-            log.warning("a connection was dropped: %d others have not greeted yet", MAX_GUESTS)
+        if len(self._guests) + len(self._callers) >= MAX_GUESTS:
+            log.warning("a connection was dropped: %d others are at the door", MAX_GUESTS)
             connection.close()
             return
         guest = Guest(connection, f"{address[0]}:{address[1]}", self._hello_timeout_s)
-        self._guests.add(guest)
-        selector.register(connection, selectors.EVENT_READ, guest)
+        self._listen_to(selector, guest)
 
     def _attend(self, selector: selectors.BaseSelector, guest: Guest) -> None:
         try:
@@ -150,26 +164,55 @@ class Door:
             self._turn_away(guest, error)
             return
         if hello is not None:
-            self._admit(selector, guest, hello)
+            self._call(selector, guest, hello)
 
-    def _admit(self, selector: selectors.BaseSelector, guest: Guest, hello: Hello) -> None:
+    def _call(self, selector: selectors.BaseSelector, guest: Guest, hello: Hello) -> None:
         try:
             training = Training() if hello.training is None else read_training(hello.training)
         except ProtocolError as error:
             self._turn_away(guest, error, "config")
             return
+        self._forget(selector, guest)
+        deadline = time.monotonic() + PATIENCE_S
+        self._callers.append(_Caller(guest, hello, training, deadline))
+
+    def _attend_callers(self, selector: selectors.BaseSelector) -> None:
+        for caller in list(self._callers):
+            try:
+                if not self._has_settled(selector, caller):
+                    continue
+            except Exception:
+                log.exception("a defect of ludus serve; %s was dropped", caller.guest.name)
+                caller.guest.socket.close()
+            self._callers.remove(caller)
+
+    def _has_settled(self, selector: selectors.BaseSelector, caller: _Caller) -> bool:
+        """Return whether a caller was let in, has left, or was told why it may not come in."""
+        guest = caller.guest
+        if has_hung_up(guest.socket):
+            log.warning("%s has left before it could come in", guest.name)
+            guest.socket.close()
+            return True
+        if self._has_let_in(caller):
+            return True
+        if time.monotonic() <= caller.deadline:
+            return False
+        hint = "wait until it has ended, or start another ludus serve at another --port"
+        self._listen_to(selector, guest)
+        self._turn_away(guest, SetupError("another game is being trained", hint), "busy")
+        return True
+
+    def _has_let_in(self, caller: _Caller) -> bool:
         with self._has_come:
             if self._is_taken():
-                hint = "wait until it has ended, or start another ludus serve at another --port"
-                error = SetupError("another game is being trained", hint)
-                self._turn_away(guest, error, "busy")
-                return
-            self._forget(selector, guest)
+                return False
             if self._next is not None:
                 self._next.link.close()
+            guest = caller.guest
             link = Link(guest.socket, self._link_timeout_s, bytes(guest.received))
-            self._next = Visitor(link, hello, training, guest.name)
+            self._next = Visitor(link, caller.hello, caller.training, guest.name)
             self._has_come.notify_all()
+            return True
 
     def _is_taken(self) -> bool:
         """Return whether there is a game; one that has hung up, unnoticed so far, is none."""
@@ -189,6 +232,10 @@ class Door:
                     self._drop(selector, guest)
                 else:
                     self._turn_away(guest, error)
+
+    def _listen_to(self, selector: selectors.BaseSelector, guest: Guest) -> None:
+        selector.register(guest.socket, selectors.EVENT_READ, guest)
+        self._guests.add(guest)
 
     def _forget(self, selector: selectors.BaseSelector, guest: Guest) -> None:
         selector.unregister(guest.socket)
