@@ -82,18 +82,17 @@ func test_step_is_read() -> void:
 
 func test_batch_is_written() -> void:
 	for golden in _of([LudusWire.Type.BATCH]):
-		var frame := LudusWire.begin(LudusWire.Type.BATCH)
-		_put_head(frame, golden.content)
+		var body := PoolByteArray()
 		var batches := []
 		for policy in golden.spec["policies"]:
 			var batch := _batch_of(policy)
 			_live_through(batch, golden.content["policies"][policy["name"]])
-			batch.append_to(frame)
+			body.append_array(batch.to_bytes())
 			batches.append(batch)
 		for batch in batches:
-			batch.append_final_to(frame)
+			body.append_array(batch.final_to_bytes())
 			equal(batch.error, "", golden.name)
-		equal(LudusWire.finish(frame).hex_encode(), golden.frame.hex_encode(), golden.name)
+		equal(_frame_of(golden.content, body).hex_encode(), golden.frame.hex_encode(), golden.name)
 
 
 func _all() -> Array:
@@ -129,14 +128,17 @@ func _seeds(golden: Golden) -> Array:
 	return seeds
 
 
-func _put_head(frame: StreamPeerBuffer, content: Dictionary) -> void:
-	frame.put_u64(int(content["tick"]))
-	frame.put_u32(int(content["engine_us"]))
-	frame.put_u32(int(content["bridge_us"]))
-	frame.put_u32(int(content["wait_us"]))
+func _frame_of(content: Dictionary, body: PoolByteArray) -> PoolByteArray:
 	var flags := LudusWire.FLAG_RESET if content["is_reset"] else 0
 	flags |= LudusWire.FLAG_REQUESTS if content["has_requests"] else 0
-	frame.put_u32(flags)
+	return LudusWire.batch_frame(
+		int(content["tick"]),
+		int(content["engine_us"]),
+		int(content["bridge_us"]),
+		int(content["wait_us"]),
+		flags,
+		body
+	)
 
 
 ## Makes a policy of stub agents from its JSON.

@@ -40,7 +40,26 @@ func test_inactive_slots_are_left_alone() -> void:
 func test_inactive_slots_observe_zeros() -> void:
 	var batch := _batch(_agents(2))
 	batch.activate(1)
-	equal(Array(LudusWire.read_floats(_written(batch), 0, 6)), [0.0, 0.0, 0.0, 1.0, 2.0, 3.0], "")
+	equal(_observed(batch), [0.0, 0.0, 0.0, 1.0, 2.0, 3.0], "")
+
+
+func test_who_is_alone_is_observed_with_its_outcome() -> void:
+	var agents := _agents(3)
+	var batch := _batch(agents)
+	batch.are_alone = true
+	batch.activate(0)
+	batch.activate(1)
+	agents[1].is_over = true
+	batch.collect_outcomes()
+	agents[0].seen = PoolRealArray([7, 8, 9])
+	agents[1].seen = PoolRealArray([4, 5, 6])
+	equal(_observed(batch), [1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], "one goes on")
+	batch.activate(1)
+	equal(_observed(batch), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 0.0, 0.0, 0.0], "one begins anew")
+	var final := batch.final_to_bytes()
+	equal(Array(LudusWire.read_floats(final, 16, 3)), [1.0, 2.0, 3.0], "final observation")
+	batch.clear_outcomes()
+	equal(_observed(batch), [7.0, 8.0, 9.0, 4.0, 5.0, 6.0, 0.0, 0.0, 0.0], "after a reset")
 
 
 func test_an_agent_that_left_has_ended() -> void:
@@ -197,7 +216,9 @@ func _batch(agents: Array, max_steps: int = 0) -> LudusPolicyBatch:
 	return LudusPolicyBatch.new("stub", agents, worlds, max_steps)
 
 
+func _observed(batch: LudusPolicyBatch) -> Array:
+	return Array(LudusWire.read_floats(_written(batch), 0, 3 * batch.agents.size()))
+
+
 func _written(batch: LudusPolicyBatch) -> PoolByteArray:
-	var frame := StreamPeerBuffer.new()
-	batch.append_to(frame)
-	return frame.data_array
+	return batch.to_bytes()

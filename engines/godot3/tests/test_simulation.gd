@@ -310,13 +310,12 @@ func _frame_of_an_end(batch_class: GDScript, is_done: bool) -> PoolByteArray:
 	_stub(host).done[TARGET] = is_done
 	batch.collect_outcomes()
 	equal(Array(batch.final_slots), [0], "ended")
-	var frame := StreamPeerBuffer.new()
-	batch.append_to(frame)
+	var bytes := batch.to_bytes()
 	batch.activate(0)
-	batch.append_to(frame)
-	batch.append_final_to(frame)
+	bytes.append_array(batch.to_bytes())
+	bytes.append_array(batch.final_to_bytes())
 	equal(_stub(host).told[-1], "1 does 4", "action")
-	return frame.data_array
+	return bytes
 
 
 ## Begins an episode, as a trainer does. Returns what the simulation was told.

@@ -129,11 +129,9 @@ func join_batch(batch: Reference, slot: int) -> void:
 
 ## Whether the agent is about to leave the scene.
 func is_leaving() -> bool:
-	return (
-		is_queued_for_deletion()
-		or target.is_queued_for_deletion()
-		or world.root.is_queued_for_deletion()
-	)
+	if is_queued_for_deletion() or target.is_queued_for_deletion():
+		return true
+	return world.root != target and world.root.is_queued_for_deletion()
 
 
 ## Whether the game has [code]is_truncated()[/code].

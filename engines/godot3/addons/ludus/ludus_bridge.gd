@@ -240,22 +240,13 @@ func _settle_or_answer() -> bool:
 
 func _answer() -> void:
 	var began := OS.get_ticks_usec()
-	var frame := LudusWire.begin(LudusWire.Type.BATCH)
-	# What is left out here is written below.
-	frame.resize(LudusWire.HEADER_BYTES + LudusWire.BATCH_HEAD_BYTES)
-	frame.seek(frame.get_size())
-	_game.append_to(frame)
+	var body := _game.to_bytes()
 	if not _game.error.empty():
 		_fail("game", _game.error)
 		return
 	_bridge_us += OS.get_ticks_usec() - began
-	frame.seek(LudusWire.HEADER_BYTES)
-	frame.put_u64(_num_ticks)
-	frame.put_u32(_engine_us)
-	frame.put_u32(_bridge_us)
-	frame.put_u32(_wait_us)
-	frame.put_u32(_batch_flags | _requests.flags())
-	_send(LudusWire.finish(frame))
+	var flags := _batch_flags | _requests.flags()
+	_send(LudusWire.batch_frame(_num_ticks, _engine_us, _bridge_us, _wait_us, flags, body))
 
 
 func _send(frame: PoolByteArray) -> void:

@@ -52,6 +52,9 @@ func open(max_episode_steps: int, ticks_override: int) -> bool:
 		policies.append(policy)
 		action_bytes += policy.action_bytes()
 		_num_agents_in_world += _slots_per_world[name]
+	for policy in policies:
+		# Cameras are drawn together, once a step.
+		policy.are_alone = _num_agents_in_world == 1 and not LudusCameras.are_used()
 	_is_per_agent = _stage.worlds[0].episode_mode == LudusWorld.Episode.AGENT
 	_choose_ticks(ticks_override)
 	_gather_errors()
@@ -149,13 +152,15 @@ func take_settling() -> Array:
 	return settling
 
 
-## Puts observations and outcomes of all policies into a frame (PROTOCOL.md §7).
-func append_to(frame: StreamPeerBuffer) -> void:
+## Observations and outcomes of all policies (PROTOCOL.md §7).
+func to_bytes() -> PoolByteArray:
+	var bytes := PoolByteArray()
 	for policy in policies:
-		policy.append_to(frame)
+		bytes.append_array(policy.to_bytes())
 	for policy in policies:
-		policy.append_final_to(frame)
+		bytes.append_array(policy.final_to_bytes())
 	_gather_errors()
+	return bytes
 
 
 ## What a [code]CALL[/code] is meant for, or null.

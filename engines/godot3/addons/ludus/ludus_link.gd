@@ -112,9 +112,8 @@ func wait_for_data(timeout_ms: int) -> bool:
 ## ended or the frame is not allowed.
 func receive() -> bool:
 	error = ""
-	_set_deadline(idle_timeout_ms)
 	_spin()
-	var header := _read(LudusWire.HEADER_BYTES)
+	var header := _read(LudusWire.HEADER_BYTES, idle_timeout_ms)
 	if header.empty():
 		return false
 	type = header[4]
@@ -127,9 +126,7 @@ func receive() -> bool:
 		return false
 	payload = PoolByteArray()
 	if num_bytes > 0:
-		_set_deadline(FRAME_TIMEOUT_MS)
-		payload = _read(num_bytes)
-	_set_deadline(0)
+		payload = _read(num_bytes, FRAME_TIMEOUT_MS)
 	return payload.size() == num_bytes
 
 
@@ -198,8 +195,13 @@ func _note_lost(now: int) -> void:
 		_respite_until_us = now + _respite_us
 
 
-func _read(num_bytes: int) -> PoolByteArray:
+func _read(num_bytes: int, timeout_ms: int) -> PoolByteArray:
+	var is_here := _stream.get_available_bytes() >= num_bytes
+	if not is_here:
+		_set_deadline(timeout_ms)
 	var result := _stream.get_data(num_bytes)
+	if not is_here:
+		_set_deadline(0)
 	return result[1] if result[0] == OK else PoolByteArray()
 
 

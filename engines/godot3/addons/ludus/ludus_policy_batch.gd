@@ -19,6 +19,10 @@ var active := PoolByteArray()
 var final_slots := PoolIntArray()
 ## What is wrong with the game, or an empty text. Set once; the run fails with it.
 var error: String = ""
+## Whether each agent is alone in its world: then nobody's next episode changes what another one
+## sees, and who goes on is observed together with the outcomes of the step. To come back to all
+## agents later costs cold caches.
+var are_alone: bool = false
 
 ## The nodes that have the five methods, beside [member agents].
 var _targets: Array = []
@@ -35,6 +39,13 @@ var _truncated := PoolByteArray()
 var _final_parts: Array = []
 ## In place of those, if an observation is one float32 entry.
 var _final_numbers := PoolRealArray()
+## What the agents see who went on after the last step, zeros for the others; empty if nobody was
+## observed with it.
+var _seen := PoolRealArray()
+## Slots that have begun an episode since.
+var _begun: Array = []
+## An observation of zeros, if it is one float32 entry.
+var _zeros := PoolRealArray()
 
 
 ## Takes the agents of all worlds in slot order, null for a spare slot, and the world of each slot;
@@ -53,6 +64,8 @@ func _init(
 	_lost = LudusLostTarget.new(layout.entries)
 	if layout.is_flat():
 		_flat_size = layout.entries[0].size()
+		_zeros.resize(_flat_size)
+		_zeros.fill(0.0)
 	var _is_filled := replace_agents(members)
 
 
@@ -79,6 +92,9 @@ func replace_agents(members: Array) -> bool:
 	_targets.resize(num)
 	_steps.resize(num)
 	active.resize(num)
+	_rewards.resize(num)
+	_terminated.resize(num)
+	_truncated.resize(num)
 	for slot in num:
 		set_agent(slot, members[slot])
 	clear_outcomes()
@@ -100,6 +116,7 @@ func set_agent(slot: int, agent: LudusAgent) -> void:
 func activate(slot: int) -> void:
 	active[slot] = 1
 	_steps[slot] = 0
+	_begun.append(slot)
 
 
 ## Makes all slots act.
@@ -132,6 +149,9 @@ func add_slot() -> int:
 	_targets.append(_lost)
 	_steps.append(0)
 	active.append(0)
+	_rewards.append(0.0)
+	_terminated.append(0)
+	_truncated.append(0)
 	_slot_worlds.append(0)
 	return slot
 
@@ -172,8 +192,12 @@ func collect_outcomes() -> void:
 	clear_outcomes()
 	var limit := layout.max_steps if layout.max_steps > 0 else NO_LIMIT
 	var has_truncation := layout.has_truncation
+	var is_observing := are_alone and _flat_size >= 0
+	var size := _flat_size
 	for slot in _targets.size():
 		if active[slot] == 0:
+			if is_observing:
+				_seen.append_array(_zeros)
 			continue
 		var target = _targets[slot]
 		var steps := _steps[slot] + 1
@@ -185,69 +209,85 @@ func collect_outcomes() -> void:
 		elif steps >= limit or (has_truncation and target.is_truncated()):
 			_truncated[slot] = 1
 			_end(slot)
+		elif is_observing:
+			var value = target.get_observation()
+			if value is PoolRealArray and value.size() == size:
+				_seen.append_array(value)
+			else:
+				_seen.append_array(_flat_numbers(slot, value))
+			continue
+		if is_observing:
+			_seen.append_array(_zeros)
 
 
 ## Forgets the outcomes of the last step.
 func clear_outcomes() -> void:
-	var num := agents.size()
-	_rewards.resize(num)
 	_rewards.fill(0.0)
-	_terminated.resize(num)
 	_terminated.fill(0)
-	_truncated.resize(num)
 	_truncated.fill(0)
 	final_slots.resize(0)
 	_final_numbers.resize(0)
-	_final_parts.clear()
+	_seen.resize(0)
+	_begun.clear()
 	if _flat_size < 0:
+		_final_parts.clear()
 		for _i in layout.entries.size():
 			_final_parts.append(PoolByteArray())
 
 
-## Puts this policy's part of a [code]BATCH[/code] (PROTOCOL.md §7) into a frame, without final
-## observations.
-func append_to(frame: StreamPeerBuffer) -> void:
-	append_observations(frame)
-	LudusWire.put_padded(frame, LudusWire.float_bytes(_rewards))
-	for flags in [_terminated, _truncated, active]:
-		LudusWire.put_padded(frame, flags)
-	if layout.has_action_mask:
-		append_masks(frame)
-
-
-## Puts the entries of what all slots observe into a frame, one after the other, each padded.
-func append_observations(frame: StreamPeerBuffer) -> void:
+## This policy's part of a [code]BATCH[/code] (PROTOCOL.md §7), without final observations.
+func to_bytes() -> PoolByteArray:
+	var bytes: PoolByteArray
 	if _flat_size >= 0:
-		_append_flat(frame)
+		var numbers := _observe_all()
+		if numbers.size() & 1:
+			numbers.append(0.0)
+		numbers.append_array(_rewards)
+		bytes = LudusWire.pad(LudusWire.float_bytes(numbers))
 	else:
-		_append_entries(frame)
+		bytes = _entries_to_bytes()
+		bytes.append_array(LudusWire.pad(LudusWire.float_bytes(_rewards)))
+	for flags in [_terminated, _truncated, active]:
+		bytes.append_array(LudusWire.pad(flags))
+	if layout.has_action_mask:
+		bytes.append_array(masks_to_bytes())
+	return bytes
 
 
-## Puts the action masks of all slots into a frame; inactive slots may do everything.
-func append_masks(frame: StreamPeerBuffer) -> void:
+## The entries of what all slots observe, one after the other, each padded.
+func observations_to_bytes() -> PoolByteArray:
+	if _flat_size >= 0:
+		return LudusWire.pad(LudusWire.float_bytes(_observe_all()))
+	return _entries_to_bytes()
+
+
+## The action masks of all slots, padded; inactive slots may do everything.
+func masks_to_bytes() -> PoolByteArray:
 	var free := PoolByteArray()
 	free.resize(layout.mask_size)
 	free.fill(1)
+	var bytes := PoolByteArray()
 	for slot in _targets.size():
 		var mask = _targets[slot].get_action_mask() if active[slot] == 1 else free
 		if not mask is PoolByteArray or mask.size() != layout.mask_size:
 			_fail(slot, "get_action_mask()", "%d bytes" % layout.mask_size, mask)
 			mask = free
-		LudusWire.put_bytes(frame, mask)
-	LudusWire.pad(frame)
+		bytes.append_array(mask)
+	return LudusWire.pad(bytes)
 
 
-## Puts this policy's final observations into a frame (PROTOCOL.md §7).
-func append_final_to(frame: StreamPeerBuffer) -> void:
-	frame.put_u32(final_slots.size())
-	frame.put_u32(0)
+## This policy's final observations (PROTOCOL.md §7).
+func final_to_bytes() -> PoolByteArray:
+	var head := PoolIntArray([final_slots.size(), 0])
+	head.append_array(final_slots)
+	var bytes := LudusWire.pad(LudusWire.int_bytes(head))
 	if final_slots.empty():
-		return
-	LudusWire.put_padded(frame, LudusWire.int_bytes(final_slots))
+		return bytes
 	if _flat_size >= 0:
-		LudusWire.put_padded(frame, LudusWire.float_bytes(_final_numbers))
+		bytes.append_array(LudusWire.pad(LudusWire.float_bytes(_final_numbers)))
 	for part in _final_parts:
-		LudusWire.put_padded(frame, part)
+		bytes.append_array(LudusWire.pad(part))
+	return bytes
 
 
 ## Plays one step with random actions, as the ceiling that [code]run_ceiling[/code] measures: all
@@ -295,35 +335,47 @@ func _end(slot: int) -> void:
 		_final_parts[i] = part
 
 
-func _append_flat(frame: StreamPeerBuffer) -> void:
+## What all slots see, if an observation is one float32 entry.
+func _observe_all() -> PoolRealArray:
+	if not _seen.empty():
+		_observe_beginners()
+		return _seen
 	var numbers := PoolRealArray()
-	var zeros := PoolRealArray()
-	zeros.resize(_flat_size)
-	zeros.fill(0.0)
 	var size := _flat_size
 	for slot in _targets.size():
 		if active[slot] == 0:
-			numbers.append_array(zeros)
+			numbers.append_array(_zeros)
 			continue
 		var value = _targets[slot].get_observation()
 		if value is PoolRealArray and value.size() == size:
 			numbers.append_array(value)
 		else:
 			numbers.append_array(_flat_numbers(slot, value))
-	LudusWire.put_padded(frame, LudusWire.float_bytes(numbers))
+	return numbers
 
 
-func _append_entries(frame: StreamPeerBuffer) -> void:
+func _observe_beginners() -> void:
+	for slot in _begun:
+		if active[slot] == 1:
+			var value := _flat_numbers(slot, _targets[slot].get_observation())
+			for i in _flat_size:
+				_seen[slot * _flat_size + i] = value[i]
+
+
+func _entries_to_bytes() -> PoolByteArray:
 	var values := []
 	for slot in _targets.size():
 		values.append(_targets[slot].get_observation() if active[slot] == 1 else null)
+	var bytes := PoolByteArray()
 	for entry in layout.entries:
+		var part := PoolByteArray()
 		for slot in _targets.size():
 			if active[slot] == 1:
-				LudusWire.put_bytes(frame, _entry_bytes(slot, entry, values[slot]))
+				part.append_array(_entry_bytes(slot, entry, values[slot]))
 			else:
-				LudusWire.put_zeros(frame, entry.num_bytes())
-		LudusWire.pad(frame)
+				part.append_array(LudusWire.zeros(entry.num_bytes()))
+		bytes.append_array(LudusWire.pad(part))
+	return bytes
 
 
 ## The numbers of a flat observation; zeros after noting the error if it does not fit.

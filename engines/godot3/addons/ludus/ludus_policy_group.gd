@@ -127,11 +127,10 @@ func act(tick: int) -> void:
 			_active_slots.append(slot)
 	if _active_slots.empty():
 		return
-	var masks := StreamPeerBuffer.new()
+	var allowed := PoolByteArray()
 	if batch.layout.has_action_mask:
-		batch.append_masks(masks)
+		allowed = batch.masks_to_bytes()
 	_observe()
-	var allowed := masks.data_array
 	for row in _active_slots.size():
 		var slot: int = _active_slots[row]
 		var rng: RandomNumberGenerator = (
@@ -144,9 +143,7 @@ func act(tick: int) -> void:
 
 
 func _observe() -> void:
-	var frame := StreamPeerBuffer.new()
-	batch.append_observations(frame)
-	var bytes := frame.data_array
+	var bytes := batch.observations_to_bytes()
 	var vectors := []
 	for i in _vector_entries:
 		vectors.append(_numbers(bytes, i))

@@ -111,22 +111,18 @@ func _apply() -> void:
 				_simulations[slot].apply_action(_indices[slot], action)
 
 
-func _append_flat(frame: StreamPeerBuffer) -> void:
+func _observe_all() -> PoolRealArray:
 	if _has_lost:
-		._append_flat(frame)
-		return
+		return ._observe_all()
 	var numbers := PoolRealArray()
-	var zeros := PoolRealArray()
-	zeros.resize(_flat_size)
-	zeros.fill(0.0)
 	var size := _flat_size
 	for slot in _simulations.size():
 		if active[slot] == 0:
-			numbers.append_array(zeros)
+			numbers.append_array(_zeros)
 			continue
 		var value = _simulations[slot].get_observation(_indices[slot])
 		if value is PoolRealArray and value.size() == size:
 			numbers.append_array(value)
 		else:
 			numbers.append_array(_flat_numbers(slot, value))
-	LudusWire.put_padded(frame, LudusWire.float_bytes(numbers))
+	return numbers

@@ -2,8 +2,9 @@ class_name LudusWire
 extends Reference
 ## The names and sizes of PROTOCOL.md, and the payloads that need no spec. No input or output.
 ##
-## A frame that is being written is a [StreamPeerBuffer]: a [PoolByteArray] would be copied at
-## every call.
+## Arrays of bytes are put together with few calls, and of few kinds: between two steps the engine's
+## own work drives all that from the caches, and to fetch the code of another kind costs more than
+## the call.
 
 ## Frame types (PROTOCOL.md §1).
 enum Type {
@@ -58,19 +59,15 @@ const _VARIANT_HEAD_BYTES := 8
 const _FEW := 4
 
 
-## Returns an empty frame of the given type, to put a payload into; see [method finish].
-static func begin(type: int) -> StreamPeerBuffer:
-	var frame := StreamPeerBuffer.new()
-	frame.put_u32(0)
-	frame.put_u32(type)
+## Returns a whole [code]BATCH[/code] (PROTOCOL.md §7): its head, and [param body] behind it.
+static func batch_frame(
+	num_ticks: int, engine_us: int, bridge_us: int, wait_us: int, flags: int, body: PoolByteArray
+) -> PoolByteArray:
+	var words := [BATCH_HEAD_BYTES + body.size(), Type.BATCH, num_ticks, num_ticks >> 32]
+	words.append_array([engine_us, bridge_us, wait_us, flags])
+	var frame := int_bytes(PoolIntArray(words))
+	frame.append_array(body)
 	return frame
-
-
-## Writes the length of the payload into a frame's header and returns the whole frame.
-static func finish(frame: StreamPeerBuffer) -> PoolByteArray:
-	frame.seek(0)
-	frame.put_u32(frame.get_size() - HEADER_BYTES)
-	return frame.data_array
 
 
 ## Returns a whole frame with a JSON payload.
@@ -80,9 +77,9 @@ static func json_frame(type: int, value: Dictionary) -> PoolByteArray:
 
 ## Returns a whole frame with the given payload.
 static func raw_frame(type: int, payload: PoolByteArray) -> PoolByteArray:
-	var frame := begin(type)
-	put_bytes(frame, payload)
-	return finish(frame)
+	var frame := int_bytes(PoolIntArray([payload.size(), type]))
+	frame.append_array(payload)
+	return frame
 
 
 ## Largest payload a trainer may send in a frame of this type; -1 if it may not send the type.
@@ -90,45 +87,24 @@ static func max_payload_bytes(type: int) -> int:
 	return _MAX_PAYLOADS.get(type, -1)
 
 
-## Puts zeros into a frame up to a multiple of 8 bytes. Header and alignment are both 8, so the
-## length of the frame may stand for the length of the payload.
-static func pad(frame: StreamPeerBuffer) -> void:
-	var rest := -frame.get_position() & 7
-	if rest & 1:
-		frame.put_u8(0)
-	if rest & 2:
-		frame.put_u16(0)
-	if rest & 4:
-		frame.put_u32(0)
-
-
-## Puts [param num_bytes] zeros into a frame.
-static func put_zeros(frame: StreamPeerBuffer, num_bytes: int) -> void:
-	var zeros := PoolByteArray()
-	zeros.resize(num_bytes)
-	zeros.fill(0)
-	put_bytes(frame, zeros)
-
-
-## Puts bytes into a frame; Godot refuses to put none.
-static func put_bytes(frame: StreamPeerBuffer, bytes: PoolByteArray) -> void:
-	if not bytes.empty():
-		# There is no other way for this to fail.
-		var _ok := frame.put_data(bytes)
-
-
-## Puts bytes into a frame, and zeros after them as [method pad] does.
-static func put_padded(frame: StreamPeerBuffer, bytes: PoolByteArray) -> void:
-	if bytes.empty():
-		return
-	var _ok := frame.put_data(bytes)
-	if frame.get_position() & 7:
-		pad(frame)
-
-
 ## Number of bytes with padding to a multiple of 8.
 static func padded(num_bytes: int) -> int:
 	return (num_bytes + 7) & ~7
+
+
+## Returns bytes with zeros behind them up to a multiple of 8.
+static func pad(bytes: PoolByteArray) -> PoolByteArray:
+	if bytes.size() & 7:
+		bytes.append_array(zeros(-bytes.size() & 7))
+	return bytes
+
+
+## Returns so many zeros.
+static func zeros(num_bytes: int) -> PoolByteArray:
+	var bytes := PoolByteArray()
+	bytes.resize(num_bytes)
+	bytes.fill(0)
+	return bytes
 
 
 ## Wire bytes of float32 numbers.
@@ -218,20 +194,16 @@ static func read_reset(payload: PoolByteArray, num_worlds: int) -> Dictionary:
 ## Writes a [code]RESET[/code]; the counterpart of [method read_reset], for tests of the format.
 static func reset_frame(seeds: Array, actions: PoolByteArray, parameters) -> PoolByteArray:
 	var text := LudusJson.write(parameters).to_utf8()
-	var frame := begin(Type.RESET)
-	frame.put_u32(seeds.size())
-	frame.put_u32(text.size())
-	put_bytes(frame, long_bytes(seeds))
-	put_bytes(frame, actions)
-	pad(frame)
-	put_bytes(frame, text)
-	return finish(frame)
+	var payload := int_bytes(PoolIntArray([seeds.size(), text.size()]))
+	payload.append_array(long_bytes(seeds))
+	payload.append_array(actions)
+	payload = pad(payload)
+	payload.append_array(text)
+	return raw_frame(Type.RESET, payload)
 
 
 static func _variant(type: int, payload: PoolByteArray, offset: int, count: int) -> PoolByteArray:
-	var bytes := var2bytes(PoolIntArray([count])).subarray(_VARIANT_HEAD_BYTES, -1)
-	var whole := PoolByteArray([type, 0, 0, 0])
-	whole.append_array(bytes)
+	var whole := int_bytes(PoolIntArray([type, count]))
 	whole.append_array(payload.subarray(offset, offset + 4 * count - 1))
 	return whole
 

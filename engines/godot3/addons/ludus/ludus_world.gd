@@ -101,9 +101,10 @@ static func announce(change: String) -> void:
 
 ## Returns whether that was announced since it was last asked.
 static func take_change(change: String) -> bool:
-	var has_happened: bool = _CHANGES[change]
+	if not _CHANGES[change]:
+		return false
 	_CHANGES[change] = false
-	return has_happened
+	return true
 
 
 ## Makes this the world of everything under [param scene_root].
