@@ -35,6 +35,11 @@ var spin_us: int = 0
 var is_local: bool = true
 
 var _stream: StreamPeerTCP
+## Bytes that were here at the last look, and were not read since.
+var _num_here: int = 0
+## Header of the last frame: of an allowed one, as most that follow are.
+var _header := PoolByteArray()
+var _num_bytes: int = 0
 var _watch: Thread
 var _mutex := Mutex.new()
 var _deadline_ms: int = 0
@@ -116,18 +121,12 @@ func receive() -> bool:
 	var header := _read(LudusWire.HEADER_BYTES, idle_timeout_ms)
 	if header.empty():
 		return false
-	type = header[4]
-	var num_bytes := LudusWire.read_u32(header, 0)
-	if num_bytes > LudusWire.max_payload_bytes(type):
-		error = "frame of type %d with %d bytes is not allowed" % [type, num_bytes]
-		return false
-	if header[5] != 0 or header[6] != 0 or header[7] != 0:
-		error = "frame of type %d with flags is of another version" % type
+	if header != _header and not _take_header(header):
 		return false
 	payload = PoolByteArray()
-	if num_bytes > 0:
-		payload = _read(num_bytes, FRAME_TIMEOUT_MS)
-	return payload.size() == num_bytes
+	if _num_bytes > 0:
+		payload = _read(_num_bytes, FRAME_TIMEOUT_MS)
+	return payload.size() == _num_bytes
 
 
 ## Closes the connection and ends the thread.
@@ -166,13 +165,30 @@ func _await_connection(timeout_ms: int) -> bool:
 	return false
 
 
+## Reads type and length of the payload from a header. Returns whether it is allowed.
+func _take_header(header: PoolByteArray) -> bool:
+	type = header[4]
+	_num_bytes = LudusWire.read_u32(header, 0)
+	if _num_bytes > LudusWire.max_payload_bytes(type):
+		error = "frame of type %d with %d bytes is not allowed" % [type, _num_bytes]
+		return false
+	if header[5] != 0 or header[6] != 0 or header[7] != 0:
+		error = "frame of type %d with flags is of another version" % type
+		return false
+	_header = header
+	return true
+
+
 func _spin() -> void:
 	var now := OS.get_ticks_usec()
 	if spin_us == 0 or now < _respite_until_us:
 		return
 	var end := now + spin_us
 	var was_away := false
-	while now < end and _stream.get_available_bytes() == 0:
+	while now < end:
+		_num_here = _stream.get_available_bytes()
+		if _num_here > 0:
+			break
 		var before := now
 		now = OS.get_ticks_usec()
 		if now - before > AWAY_US:
@@ -196,12 +212,15 @@ func _note_lost(now: int) -> void:
 
 
 func _read(num_bytes: int, timeout_ms: int) -> PoolByteArray:
-	var is_here := _stream.get_available_bytes() >= num_bytes
+	if _num_here < num_bytes:
+		_num_here = _stream.get_available_bytes()
+	var is_here := _num_here >= num_bytes
 	if not is_here:
 		_set_deadline(timeout_ms)
 	var result := _stream.get_data(num_bytes)
 	if not is_here:
 		_set_deadline(0)
+	_num_here = _num_here - num_bytes if is_here else 0
 	return result[1] if result[0] == OK else PoolByteArray()
 
 

@@ -164,13 +164,16 @@ func reward(slot: int) -> float:
 ## Reads the actions from a [code]STEP[/code] at [param offset] and hands them to the game. Returns
 ## the offset of what follows.
 func apply_actions(payload: PoolByteArray, offset: int) -> int:
-	var num := agents.size()
-	var middle := offset + layout.discrete_bytes(num)
-	set_actions(
-		LudusWire.read_choices(payload, offset, num * layout.num_discrete),
-		Array(LudusWire.read_floats(payload, middle, num * layout.continuous_size))
-	)
-	return middle + LudusWire.padded(num * layout.continuous_size * 4)
+	var num_choices := agents.size() * layout.num_discrete
+	if num_choices > 0:
+		_discrete = LudusWire.read_choices(payload, offset, num_choices)
+		offset += num_choices * 8
+	var num_numbers := agents.size() * layout.continuous_size
+	if num_numbers > 0:
+		_continuous = Array(LudusWire.read_floats(payload, offset, num_numbers))
+		offset += LudusWire.padded(num_numbers * 4)
+	_apply()
+	return offset
 
 
 ## Hands actions of all slots to the game.

@@ -57,12 +57,7 @@ func is_flat() -> bool:
 
 ## Number of bytes of the actions of [param num_agents] agents (PROTOCOL.md §6).
 func action_bytes(num_agents: int) -> int:
-	return discrete_bytes(num_agents) + LudusWire.padded(num_agents * continuous_size * 4)
-
-
-## Number of bytes of their choices.
-func discrete_bytes(num_agents: int) -> int:
-	return LudusWire.padded(num_agents * num_discrete * 8)
+	return num_agents * num_discrete * 8 + LudusWire.padded(num_agents * continuous_size * 4)
 
 
 ## One agent's action, as the game gets it.

@@ -203,7 +203,7 @@ static func reset_frame(seeds: Array, actions: PoolByteArray, parameters) -> Poo
 
 
 static func _variant(type: int, payload: PoolByteArray, offset: int, count: int) -> PoolByteArray:
-	var whole := int_bytes(PoolIntArray([type, count]))
+	var whole := PoolByteArray([type, 0, 0, 0, count, count >> 8, count >> 16, count >> 24])
 	whole.append_array(payload.subarray(offset, offset + 4 * count - 1))
 	return whole
 
