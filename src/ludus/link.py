@@ -98,7 +98,7 @@ class Link:
         deadline = time.monotonic() + self._timeout_s
         while have < HEADER_BYTES:
             have += self._read(view[have:], deadline)
-        frame_type, num_bytes = decode_header(view[:HEADER_BYTES])
+        frame_type, num_bytes = decode_header(buffer)
         if frame_type is not expected:
             self._pending = bytes(view[:have])
             return None

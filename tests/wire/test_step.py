@@ -76,6 +76,21 @@ def test_batch_is_what_the_engine_wrote(data: st.DataObject) -> None:
             assert same(batch.action_mask, part["action_mask"])
 
 
+@given(st.data())
+@settings(max_examples=60, deadline=None)
+def test_only_finite_numbers_are_surely_finite(data: st.DataObject) -> None:
+    spec = data.draw(specs())
+    content = data.draw(batch_contents(spec))
+    decoder, batches = decode(spec, reference.encode_batch(spec.to_json(), content))
+    numbers = [batch.reward for batch in batches.values()]
+    for batch in batches.values():
+        numbers += [*batch.observation.values(), *batch.final_observation.values()]
+    is_finite = all(np.isfinite(values).all() for values in numbers)
+    are_small = all((np.abs(values) < 2.0).all() for values in numbers if values.dtype.kind == "f")
+    assert decoder.is_surely_finite() <= is_finite
+    assert decoder.is_surely_finite() >= are_small
+
+
 def test_the_step_buffer_is_used_again() -> None:
     encoder = StepEncoder(SPEC)
     first = encoder.encode(actions(SPEC, STEP.content))

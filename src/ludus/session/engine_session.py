@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 from ludus.batch import ActionBatch, Batches, StepTimes
@@ -74,7 +74,6 @@ class EngineSession:
         self._link = link
         self._supervision = supervision
         self._state = ConnectionState()
-        self._explained = _OnError(self._explain)
         self._call_id = 0
         self._num_steps = 0
         try:
@@ -172,7 +171,8 @@ class EngineSession:
         """
         if self._state.state is not State.STEPPING:
             raise SequenceError("nothing to receive", hint="call reset() or send() first")
-        with self._explained:
+        # Here and in sending, a context would cost two calls of cold code in every step.
+        try:
             num_bytes = self._link.receive_into(self._decoder.buffer, FrameType.BATCH)
             if num_bytes is None:
                 self._next_payload()  # raises, since nothing but a BATCH answers a step
@@ -180,8 +180,12 @@ class EngineSession:
             self._state.receive(FrameType.BATCH)
             batches = self._decoder.decode(num_bytes)
             self._num_steps = 0 if self._decoder.is_reset else self._num_steps + 1
-            check_finite(self._policies, batches, self._num_steps)
+            if not self._decoder.is_surely_finite():
+                check_finite(self._policies, batches, self._num_steps)
             self._supervision.check_script_errors()
+        except BaseException as error:
+            self._explain(error)
+            raise
         return batches
 
     def call(self, target: Mapping[str, Any], method: str, arguments: Sequence[Any] = ()) -> Any:
@@ -201,8 +205,9 @@ class EngineSession:
         self._send(FrameType.CALL, frame)
         result = self._receive_json(FrameType.RESULT)
         if result.get("id") != self._call_id:
-            with self._explained:
-                raise ProtocolError(f"RESULT of call {result.get('id')}, expected {self._call_id}")
+            error = ProtocolError(f"RESULT of call {result.get('id')}, expected {self._call_id}")
+            self._explain(error)
+            raise error
         if "error" in result:
             raise GameError(f"call of {method} failed: {result['error']}")
         return result.get("value")
@@ -223,8 +228,11 @@ class EngineSession:
         if not self.has_requests:
             return []
         value = self.call(BRIDGE, "take_requests")
-        with self._explained:
+        try:
             requests = read_requests(value)
+        except ProtocolError as error:
+            self._explain(error)
+            raise
         self._decoder.has_requests = False
         return requests
 
@@ -287,16 +295,25 @@ class EngineSession:
         if self._link.has_pending:
             self._receive()  # raises, since nothing was asked
         self._state.send(frame_type)
-        with self._explained:
+        try:
             self._link.send(frame)
+        except BaseException as error:
+            self._explain(error)
+            raise
 
     def _receive(self) -> bytes:
-        with self._explained:
+        try:
             return self._next_payload()
+        except BaseException as error:
+            self._explain(error)
+            raise
 
     def _receive_json(self, frame_type: FrameType) -> dict[str, Any]:
-        with self._explained:
+        try:
             return decode_json(self._next_payload(), frame_type.name)
+        except BaseException as error:
+            self._explain(error)
+            raise
 
     def _next_payload(self) -> bytes:
         frame_type, payload = self._link.receive()
@@ -337,20 +354,3 @@ class EngineSession:
             self.close()
         elif isinstance(error, LudusError):
             self.fail(error)
-
-
-class _OnError:
-    """A context that calls a function with the error that leaves it, and passes that on.
-
-    It is entered in every step, where one from :mod:`contextlib` costs a microsecond more.
-    """
-
-    def __init__(self, handle: Callable[[BaseException], None]) -> None:
-        self._handle = handle
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
-        if error is not None:
-            self._handle(error)

@@ -74,12 +74,12 @@ def padded(num_bytes: int) -> int:
 
 
 def decode_header(header: bytes | bytearray | memoryview) -> tuple[FrameType, int]:
-    """Return type and payload length of an 8-byte header.
+    """Return type and payload length of the 8-byte header that ``header`` begins with.
 
     Raises:
         ProtocolError: Unknown type, set reserved bits, or a length over the limit.
     """
-    num_bytes, number, flags, reserved = HEADER.unpack(header)
+    num_bytes, number, flags, reserved = HEADER.unpack_from(header)
     frame_type = _TYPES.get(number)
     if frame_type is None:
         raise ProtocolError(

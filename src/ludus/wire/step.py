@@ -5,6 +5,7 @@ Their sizes follow from the spec, so both sides allocate once. No input or outpu
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Mapping
 from typing import Any
@@ -24,6 +25,7 @@ _FLAG_RESET = 1
 _FLAG_REQUESTS = 2
 _FINAL_HEAD = struct.Struct("<II")
 _SLOT = np.dtype("<u4")
+_REWARD = np.dtype("<f4")
 
 
 class StepEncoder:
@@ -73,6 +75,10 @@ class BatchDecoder:
         for policy in spec.policies:
             self._batches[policy.name] = _batch_views(self.buffer, policy, offset)
             offset += _batch_bytes(policy)
+        self._spans = [
+            np.frombuffer(self.buffer, dtype, (end - start) // dtype.itemsize, start)
+            for dtype, start, end in _float_spans(spec)
+        ]
         self._no_final = _FINAL_HEAD.size * len(spec.policies)
         self._empty = {policy.name: _no_final(policy) for policy in spec.policies}
         self.times = StepTimes(0, 0, 0, 0)
@@ -98,6 +104,24 @@ class BatchDecoder:
         self.has_requests = bool(flags & _FLAG_REQUESTS)
         self._decode_final(num_bytes)
         return self._batches
+
+    def is_surely_finite(self) -> bool:
+        """Return whether all numbers are finite; False also if some are only very large.
+
+        A dot product is the cheapest way to see all of them. It may overflow where all are finite;
+        of vdot, NumPy says nothing then.
+        """
+        for span in self._spans:
+            if not math.isfinite(np.vdot(span, span)):
+                return False
+        for policy in self._spec.policies:
+            batch = self._batches[policy.name]
+            if not len(batch.final_index):
+                continue
+            for values in batch.final_observation.values():
+                if values.dtype.kind == "f" and not math.isfinite(np.vdot(values, values)):
+                    return False
+        return True
 
     def _decode_final(self, num_bytes: int) -> None:
         offset = HEADER_BYTES + self._fixed_bytes
@@ -175,6 +199,24 @@ def _batch_bytes(policy: PolicySpec) -> int:
     num = policy.num_agents
     entries = sum(padded(num * entry.num_bytes) for entry in policy.observation)
     return entries + padded(num * 4) + 3 * padded(num) + padded(num * policy.mask_size)
+
+
+def _float_spans(spec: Spec) -> list[tuple[np.dtype[Any], int, int]]:
+    """Return where floating-point numbers lie in a frame: type, start, end; what touches is one."""
+    spans: list[tuple[np.dtype[Any], int, int]] = []
+    offset = HEADER_BYTES + _HEAD.size
+    for policy in spec.policies:
+        num, offset_after = policy.num_agents, offset + _batch_bytes(policy)
+        entries = [(entry.numpy_dtype, num * entry.num_bytes) for entry in policy.observation]
+        for dtype, num_bytes in [*entries, (_REWARD, num * _REWARD.itemsize)]:
+            if dtype.kind == "f":
+                start, end = offset, offset + num_bytes
+                if spans and spans[-1][0] == dtype and padded(spans[-1][2]) == start:
+                    start = spans.pop()[1]
+                spans.append((dtype, start, end))
+            offset += padded(num_bytes)
+        offset = offset_after
+    return spans
 
 
 def _final_bytes(policy: PolicySpec, count: int) -> int:
