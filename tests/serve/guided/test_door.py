@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from ludus.errors import SetupError
-from ludus.serve.guided.door import MAX_GUESTS, PATIENCE_S, POLL_S, Door
+from ludus.serve.guided.door import MAX_GUESTS, PATIENCE_S, POLL_S, Door, Visitor
 from ludus.serve.guided.guest import LINGER_S
 from tests.fake_engine import HELLO
 from tests.serve.guided.conftest import Running, Start
@@ -83,6 +83,14 @@ def await_hearing(door: Door, knock: Knock) -> None:
     stranger = knock(door.port)
     stranger.say(b"GET / HTTP/1.1\r\n\r\n")
     assert stranger.report()["code"] == "frame"
+
+
+def come_in(door: Door, knock: Knock) -> tuple[Stranger, Visitor]:
+    stranger = knock(door.port)
+    stranger.say(greeting())
+    visitor = door.let_in(DEADLINE_S)
+    assert visitor is not None
+    return stranger, visitor
 
 
 def greeting(**changes: Any) -> bytes:
@@ -168,10 +176,7 @@ def test_a_greeting_in_pieces(door: Door, knock: Knock) -> None:
 
 
 def test_a_game_that_hung_up_unnoticed_makes_room(door: Door, knock: Knock) -> None:
-    first = knock(door.port)
-    first.say(greeting())
-    visitor = door.let_in(DEADLINE_S)
-    assert visitor is not None
+    first, visitor = come_in(door, knock)
     first.say(b"something that nobody reads")
     first.socket.close()
     second = knock(door.port)
@@ -189,10 +194,8 @@ def test_a_game_that_hung_up_unnoticed_makes_room(door: Door, knock: Knock) -> N
 
 
 def test_a_game_that_comes_before_the_first_hangs_up(door: Door, knock: Knock) -> None:
-    first, second = knock(door.port), knock(door.port)
-    first.say(greeting())
-    visitor = door.let_in(DEADLINE_S)
-    assert visitor is not None
+    first, visitor = come_in(door, knock)
+    second = knock(door.port)
     second.say(greeting(training={"run": "second"}))
     await_hearing(door, knock)
     time.sleep(2 * POLL_S)
@@ -205,10 +208,8 @@ def test_a_game_that_comes_before_the_first_hangs_up(door: Door, knock: Knock) -
 
 
 def test_one_who_is_told_to_wait_may_leave(door: Door, knock: Knock) -> None:
-    first, second = knock(door.port), knock(door.port)
-    first.say(greeting())
-    visitor = door.let_in(DEADLINE_S)
-    assert visitor is not None
+    _, visitor = come_in(door, knock)
+    second = knock(door.port)
     second.say(greeting(training={"run": "second"}))
     await_hearing(door, knock)
     second.socket.close()
