@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from typing import Any, ClassVar
 
 from ludus.batch import ActionBatch, Batches, StepTimes
@@ -171,8 +171,7 @@ class EngineSession:
         """
         if self._state.state is not State.STEPPING:
             raise SequenceError("nothing to receive", hint="call reset() or send() first")
-        # Here and in sending, a context would cost two calls of cold code in every step.
-        try:
+        try:  # self._explained, written out: a context costs two calls of cold code in every step
             num_bytes = self._link.receive_into(self._decoder.buffer, FrameType.BATCH)
             if num_bytes is None:
                 self._next_payload()  # raises, since nothing but a BATCH answers a step
@@ -205,9 +204,8 @@ class EngineSession:
         self._send(FrameType.CALL, frame)
         result = self._receive_json(FrameType.RESULT)
         if result.get("id") != self._call_id:
-            error = ProtocolError(f"RESULT of call {result.get('id')}, expected {self._call_id}")
-            self._explain(error)
-            raise error
+            with self._explained():
+                raise ProtocolError(f"RESULT of call {result.get('id')}, expected {self._call_id}")
         if "error" in result:
             raise GameError(f"call of {method} failed: {result['error']}")
         return result.get("value")
@@ -228,11 +226,8 @@ class EngineSession:
         if not self.has_requests:
             return []
         value = self.call(BRIDGE, "take_requests")
-        try:
+        with self._explained():
             requests = read_requests(value)
-        except ProtocolError as error:
-            self._explain(error)
-            raise
         self._decoder.has_requests = False
         return requests
 
@@ -295,25 +290,19 @@ class EngineSession:
         if self._link.has_pending:
             self._receive()  # raises, since nothing was asked
         self._state.send(frame_type)
-        try:
+        try:  # as in receiving
             self._link.send(frame)
         except BaseException as error:
             self._explain(error)
             raise
 
     def _receive(self) -> bytes:
-        try:
+        with self._explained():
             return self._next_payload()
-        except BaseException as error:
-            self._explain(error)
-            raise
 
     def _receive_json(self, frame_type: FrameType) -> dict[str, Any]:
-        try:
+        with self._explained():
             return decode_json(self._next_payload(), frame_type.name)
-        except BaseException as error:
-            self._explain(error)
-            raise
 
     def _next_payload(self) -> bytes:
         frame_type, payload = self._link.receive()
@@ -337,6 +326,15 @@ class EngineSession:
             "renderer": RendererMissing,
         }
         return kinds.get(str(report.get("code")), ProtocolError)(message, hint)
+
+    @contextlib.contextmanager
+    def _explained(self) -> Generator[None]:
+        """End the session with what leaves this context."""
+        try:
+            yield
+        except BaseException as error:
+            self._explain(error)
+            raise
 
     def _explain(self, error: BaseException) -> None:
         """End the session after an error, with one that says what became of the engine."""

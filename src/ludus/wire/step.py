@@ -25,7 +25,6 @@ _FLAG_RESET = 1
 _FLAG_REQUESTS = 2
 _FINAL_HEAD = struct.Struct("<II")
 _SLOT = np.dtype("<u4")
-_REWARD = np.dtype("<f4")
 
 
 class StepEncoder:
@@ -75,10 +74,7 @@ class BatchDecoder:
         for policy in spec.policies:
             self._batches[policy.name] = _batch_views(self.buffer, policy, offset)
             offset += _batch_bytes(policy)
-        self._spans = [
-            np.frombuffer(self.buffer, dtype, (end - start) // dtype.itemsize, start)
-            for dtype, start, end in _float_spans(spec)
-        ]
+        self._spans = _float_spans(self.buffer, self._batches)
         self._no_final = _FINAL_HEAD.size * len(spec.policies)
         self._empty = {policy.name: _no_final(policy) for policy in spec.policies}
         self.times = StepTimes(0, 0, 0, 0)
@@ -201,22 +197,23 @@ def _batch_bytes(policy: PolicySpec) -> int:
     return entries + padded(num * 4) + 3 * padded(num) + padded(num * policy.mask_size)
 
 
-def _float_spans(spec: Spec) -> list[tuple[np.dtype[Any], int, int]]:
-    """Return where floating-point numbers lie in a frame: type, start, end; what touches is one."""
+def _float_spans(buffer: bytearray, batches: Batches) -> list[NDArray[Any]]:
+    """Return all floating-point numbers of the fixed part, flat; what touches is one array."""
+    origin = np.frombuffer(buffer, np.uint8).ctypes.data
     spans: list[tuple[np.dtype[Any], int, int]] = []
-    offset = HEADER_BYTES + _HEAD.size
-    for policy in spec.policies:
-        num, offset_after = policy.num_agents, offset + _batch_bytes(policy)
-        entries = [(entry.numpy_dtype, num * entry.num_bytes) for entry in policy.observation]
-        for dtype, num_bytes in [*entries, (_REWARD, num * _REWARD.itemsize)]:
-            if dtype.kind == "f":
-                start, end = offset, offset + num_bytes
-                if spans and spans[-1][0] == dtype and padded(spans[-1][2]) == start:
-                    start = spans.pop()[1]
-                spans.append((dtype, start, end))
-            offset += padded(num_bytes)
-        offset = offset_after
-    return spans
+    for batch in batches.values():
+        for values in (*batch.observation.values(), batch.reward):
+            if values.dtype.kind != "f":
+                continue
+            start = values.ctypes.data - origin
+            end = start + values.nbytes
+            if spans and spans[-1][0] == values.dtype and padded(spans[-1][2]) == start:
+                start = spans.pop()[1]
+            spans.append((values.dtype, start, end))
+    return [
+        np.frombuffer(buffer, dtype, (end - start) // dtype.itemsize, start)
+        for dtype, start, end in spans
+    ]
 
 
 def _final_bytes(policy: PolicySpec, count: int) -> int:
