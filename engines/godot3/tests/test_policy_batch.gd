@@ -20,7 +20,7 @@ func test_an_end_wins_over_a_cut() -> void:
 	var batch := _batch(agents, 1)
 	batch.activate_all()
 	batch.collect_outcomes()
-	var bytes := _written(batch)
+	var bytes := batch.to_bytes()
 	equal(int(bytes[24]), 1, "terminated")
 	equal(int(bytes[32]), 0, "truncated")
 
@@ -123,7 +123,7 @@ func test_an_observation_that_does_not_fit() -> void:
 		batch.activate_all()
 		batch.collect_outcomes()
 		agents[1].seen = expectations[found]
-		equal(_written(batch).size(), 24 + 8 + 3 * 8, "size of the frame in spite of it")
+		equal(batch.to_bytes().size(), 24 + 8 + 3 * 8, "size of the frame in spite of it")
 		var expected: String = (
 			'world 0, agent ., step 1: observation["observation"]: expected 3 numbers, got %s'
 			% found
@@ -137,7 +137,7 @@ func test_wrong_sizes_do_not_cancel_out() -> void:
 	batch.activate_all()
 	agents[0].seen = PoolRealArray([1, 2])
 	agents[1].seen = PoolRealArray([1, 2, 3, 4])
-	var _bytes := _written(batch)
+	var _bytes := batch.to_bytes()
 	check("PoolRealArray of 2" in batch.error, batch.error)
 
 
@@ -147,7 +147,7 @@ func test_a_missing_entry_is_named() -> void:
 	agent.seen = {"observation": [1, 2, 3]}
 	var batch := _batch([agent])
 	batch.activate_all()
-	var _bytes := _written(batch)
+	var _bytes := batch.to_bytes()
 	check('observation["rays"]: expected 2 numbers, got null' in batch.error, batch.error)
 
 
@@ -157,7 +157,7 @@ func test_the_first_mistake_is_kept() -> void:
 	agents[1].seen = [1, 2]
 	var batch := _batch(agents)
 	batch.activate_all()
-	var _bytes := _written(batch)
+	var _bytes := batch.to_bytes()
 	check("Array of 1" in batch.error, batch.error)
 
 
@@ -167,7 +167,7 @@ func test_a_mask_that_does_not_fit() -> void:
 	agents[0].mask = PoolByteArray([1])
 	var batch := _batch(agents)
 	batch.activate_all()
-	var _bytes := _written(batch)
+	var _bytes := batch.to_bytes()
 	check("get_action_mask(): expected 2 bytes, got PoolByteArray of 1" in batch.error, batch.error)
 
 
@@ -217,8 +217,4 @@ func _batch(agents: Array, max_steps: int = 0) -> LudusPolicyBatch:
 
 
 func _observed(batch: LudusPolicyBatch) -> Array:
-	return Array(LudusWire.read_floats(_written(batch), 0, 3 * batch.agents.size()))
-
-
-func _written(batch: LudusPolicyBatch) -> PoolByteArray:
-	return batch.to_bytes()
+	return Array(LudusWire.read_floats(batch.to_bytes(), 0, 3 * batch.agents.size()))

@@ -85,12 +85,17 @@ def await_hearing(door: Door, knock: Knock) -> None:
     assert stranger.report()["code"] == "frame"
 
 
+def await_visitor(door: Door, run: str = "other") -> Visitor:
+    visitor = door.let_in(DEADLINE_S)
+    assert visitor is not None
+    assert visitor.training.run == run
+    return visitor
+
+
 def come_in(door: Door, knock: Knock) -> tuple[Stranger, Visitor]:
     stranger = knock(door.port)
     stranger.say(greeting())
-    visitor = door.let_in(DEADLINE_S)
-    assert visitor is not None
-    return stranger, visitor
+    return stranger, await_visitor(door)
 
 
 def greeting(**changes: Any) -> bytes:
@@ -167,9 +172,7 @@ def test_a_greeting_in_pieces(door: Door, knock: Knock) -> None:
     for i in range(0, len(data), 50):
         stranger.say(data[i : i + 50])
         time.sleep(0.002)
-    visitor = door.let_in(DEADLINE_S)
-    assert visitor is not None
-    assert visitor.training.run == "other"
+    visitor = await_visitor(door)
     name, payload = visitor.link.receive()
     assert (int(name), json.loads(payload)["training"]) == (1, {"run": "other"})
     visitor.link.close()
@@ -186,9 +189,7 @@ def test_a_game_that_hung_up_unnoticed_makes_room(door: Door, knock: Knock) -> N
     third.say(greeting())
     assert third.report() == BUSY
     door.let_out()
-    waiting = door.let_in(DEADLINE_S)
-    assert waiting is not None
-    assert waiting.training.run == "second"
+    waiting = await_visitor(door, "second")
     visitor.link.close()
     waiting.link.close()
 
@@ -200,9 +201,7 @@ def test_a_game_that_comes_before_the_first_hangs_up(door: Door, knock: Knock) -
     await_hearing(door, knock)
     time.sleep(2 * POLL_S)
     first.socket.close()
-    waiting = door.let_in(DEADLINE_S)
-    assert waiting is not None
-    assert waiting.training.run == "second"
+    waiting = await_visitor(door, "second")
     visitor.link.close()
     waiting.link.close()
 
@@ -225,9 +224,7 @@ def test_one_who_waited_and_left_makes_room(door: Door, knock: Knock) -> None:
     first.socket.close()
     second.say(greeting(training={"run": "second"}))
     await_hearing(door, knock)
-    visitor = door.let_in(DEADLINE_S)
-    assert visitor is not None
-    assert visitor.training.run == "second"
+    visitor = await_visitor(door, "second")
     visitor.link.close()
 
 
@@ -241,9 +238,7 @@ def test_a_crowd_is_dropped(knock: Knock) -> None:
         time.sleep(2 * LINGER_S)
         late = knock(door.port)
         late.say(greeting())
-        visitor = door.let_in(DEADLINE_S)
-        assert visitor is not None
-        visitor.link.close()
+        await_visitor(door).link.close()
 
 
 def test_the_door_sleeps_while_nobody_knocks(knock: Knock) -> None:

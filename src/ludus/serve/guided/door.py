@@ -179,21 +179,21 @@ class Door:
     def _attend_callers(self, selector: selectors.BaseSelector) -> None:
         for caller in list(self._callers):
             try:
-                if not self._has_settled(selector, caller):
+                if not self._settle(selector, caller):
                     continue
             except Exception:
                 log.exception("a defect of ludus serve; %s was dropped", caller.guest.name)
                 caller.guest.socket.close()
             self._callers.remove(caller)
 
-    def _has_settled(self, selector: selectors.BaseSelector, caller: _Caller) -> bool:
-        """Return whether a caller was let in, has left, or was told why it may not come in."""
+    def _settle(self, selector: selectors.BaseSelector, caller: _Caller) -> bool:
+        """Let a caller in, drop it or turn it away; return False if it has to wait on."""
         guest = caller.guest
         if has_hung_up(guest.socket):
             log.warning("%s has left before it could come in", guest.name)
             guest.socket.close()
             return True
-        if self._has_let_in(caller):
+        if self._admit(caller):
             return True
         if time.monotonic() <= caller.deadline:
             return False
@@ -202,7 +202,8 @@ class Door:
         self._turn_away(guest, SetupError("another game is being trained", hint), "busy")
         return True
 
-    def _has_let_in(self, caller: _Caller) -> bool:
+    def _admit(self, caller: _Caller) -> bool:
+        """Let a caller in if there is room; return whether there is."""
         with self._has_come:
             if self._is_taken():
                 return False
