@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from ludus.spinner import Spinner
+from ludus.link.busy_poller import Spinner
 
 SPIN_S = 0.003
 QUICK = itertools.repeat(0.000_01)

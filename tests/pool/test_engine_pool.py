@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ludus.batch import ActionBatch, Batches
 from ludus.errors import (
     EngineCrashed,
     EngineError,
@@ -23,6 +22,7 @@ from ludus.errors import (
 from ludus.pool.engine_pool import EnginePool
 from ludus.session.engine_session import EngineSession
 from ludus.session.supervision import Supervision
+from ludus.spec.batch import ActionBatch, Batches
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
 from tests.actions import zeros

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from ludus.train.export.trained import load_trained
+from ludus.export.trained import load_trained
 from tests.serve.conftest import Client, Start, replays
 from tests.serve.test_godot_ai import DONE, STATE, weights
 

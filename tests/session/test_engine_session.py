@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ludus.batch import ActionBatch
 from ludus.errors import (
     ActionError,
     EngineCrashed,
@@ -19,6 +18,7 @@ from ludus.errors import (
     SequenceError,
     UsageError,
 )
+from ludus.spec.batch import ActionBatch
 from ludus.wire.reset import ResetRequest
 from tests.fake_engine import FLAT, POLICIES, Talk
 from tests.session.conftest import (

@@ -12,13 +12,13 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.batch import ActionBatch
 from ludus.bench.echo import measure_echo
 from ludus.bench.report import BenchReport, Breakdown
 from ludus.engine import CorePlan, Target, pinned_to, plan_cores, resolve_target
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.session import EngineSession
 from ludus.spec import PolicySpec
+from ludus.spec.batch import ActionBatch
 from ludus.wire.frames import HEADER_BYTES
 from ludus.wire.step import BatchDecoder, StepEncoder
 

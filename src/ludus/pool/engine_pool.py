@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.batch import ActionBatch, Batch, Batches, StepTimes
 from ludus.errors import (
     EngineCrashed,
     EngineError,
@@ -23,6 +22,7 @@ from ludus.errors import (
 )
 from ludus.session import Session
 from ludus.spec import PolicySpec, Spec
+from ludus.spec.batch import ActionBatch, Batch, Batches, StepTimes
 from ludus.wire.reset import Parameters, ResetAction, ResetRequest
 
 __all__ = ["EnginePool"]

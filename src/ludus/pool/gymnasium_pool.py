@@ -13,11 +13,11 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.batch import ActionBatch, Batch, Batches, StepTimes
-from ludus.batch_rows import action_reader, clear_outcome, write_finals, write_state
 from ludus.errors import SequenceError, TargetError
-from ludus.gymnasium_spec import read_action, read_observation
 from ludus.spec import AgentSpec, PolicySpec, Spec
+from ludus.spec.batch import ActionBatch, Batch, Batches, StepTimes
+from ludus.spec.batch_rows import action_reader, clear_outcome, write_finals, write_state
+from ludus.spec.gymnasium_spec import read_action, read_observation
 
 __all__ = ["GymnasiumPool"]
 

@@ -8,15 +8,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ludus.dialects.registry import (
+from ludus.engine import Target, allowed_cores, plan_cores, resolve_target
+from ludus.errors import ConfigError
+from ludus.legacy.registry import (
     Bridge,
     GamePlace,
     check_settings,
     find_bridge,
     open_bridge_session,
 )
-from ludus.engine import Target, allowed_cores, plan_cores, resolve_target
-from ludus.errors import ConfigError
 from ludus.pool.engine_pool import EnginePool
 from ludus.session import LaunchOptions, Session, open_session
 from ludus.wire.handshake import EngineConfig

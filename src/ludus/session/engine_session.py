@@ -6,7 +6,6 @@ import contextlib
 from collections.abc import Generator, Mapping, Sequence
 from typing import Any, ClassVar
 
-from ludus.batch import ActionBatch, Batches, StepTimes
 from ludus.errors import (
     EngineStartError,
     EngineTimeout,
@@ -22,6 +21,7 @@ from ludus.link import Link, LinkClosed
 from ludus.session.finite import check_finite
 from ludus.session.supervision import Supervision
 from ludus.spec import PolicySpec, Spec
+from ludus.spec.batch import ActionBatch, Batches, StepTimes
 from ludus.wire.error_report import error_report
 from ludus.wire.frames import FrameType, decode_json, encode_frame, encode_json
 from ludus.wire.handshake import EngineConfig, Hello, welcome
