@@ -55,5 +55,5 @@ def _new_name(old: str) -> str | None:
 def install() -> None:
     """Let old import paths be found; a second call changes nothing."""
     if not any(isinstance(finder, _MovedFinder) for finder in sys.meta_path):
-        # First, since a __pycache__ that an update left behind makes an empty package of an old name.
+        # First: a __pycache__ that an update leaves behind is a package of the old name.
         sys.meta_path.insert(0, _MovedFinder())

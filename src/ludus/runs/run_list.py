@@ -16,7 +16,7 @@ from ludus.runs.run_folder import RunFolder
 __all__ = ["PolicySummary", "RunState", "RunSummary", "StopReason", "list_runs", "running_runs"]
 
 StopReason = Literal["total_steps", "max_time", "target_return", "stopped", "interrupted"]
-"""Why training ended. ``stopped``: by the game or ``ludus control``; ``interrupted``: by a signal."""
+"""Why training ended; ``stopped`` by the game or ``ludus control``, ``interrupted`` by a signal."""
 
 RunState = Literal["running", "finished", "stopped", "interrupted", "diverged", "crashed"]
 """``running``: a process holds it; ``finished``: a limit was reached; ``stopped``: by the game or
