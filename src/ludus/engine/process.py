@@ -64,7 +64,7 @@ class EngineProcess:
         except (OSError, ValueError) as error:
             raise EngineStartError(
                 f"the engine cannot be started: {error}\ncommand: {shlex.join(config.command)}",
-                hint="check that the program exists and is executable (ludus doctor)",
+                hint="check that the program exists and is executable (ludus engine doctor)",
             ) from error
         pipe = group.popen.stdout
         assert pipe is not None
