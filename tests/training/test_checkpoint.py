@@ -112,6 +112,56 @@ def test_corruption_is_noticed_and_an_older_one_taken(
     assert info.value.hint
     path, loaded = store.newest()
     assert (path, loaded.agent_steps) == (good, 1)
+    assert store.paths() == [good, bad]  # only the one who trains may rename
+
+
+def test_unloadable_ones_are_set_aside_and_do_not_count(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    store = CheckpointStore(tmp_path, keep=3)
+    good, *others = [store.write(checkpoint(steps, float(steps))) for steps in (1, 2, 3)]
+    for bad in others:
+        damage_tensors(bad)
+    assert store.newest(set_aside=True)[0] == good
+    assert f"{others[1]} was renamed to unloadable-{others[1].name}" in caplog.text
+    store.write(checkpoint(3))
+    damage_tensors(others[1])
+    assert store.newest(set_aside=True)[0] == good
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "step-000000000001",
+        "unloadable-step-000000000002",
+        "unloadable-step-000000000003",
+        "unloadable-step-000000000003-2",
+    }
+    new = store.write(checkpoint(2))
+    assert store.paths() == [good, new]
+    assert store.best() == good
+
+
+def test_nothing_is_set_aside_if_none_can_be_loaded(tmp_path: Path) -> None:
+    store = CheckpointStore(tmp_path, keep=2)
+    bad = store.write(checkpoint())
+    damage_tensors(bad)
+    with pytest.raises(CheckpointError, match="no checkpoint in"):
+        store.newest(set_aside=True)
+    assert store.paths() == [bad]
+
+
+@pytest.mark.parametrize("write", ["write", "keep"])
+def test_a_corrupt_checkpoint_of_the_same_step_is_replaced(tmp_path: Path, write: str) -> None:
+    store = CheckpointStore(tmp_path, keep=2)
+
+    def save() -> Path:
+        return store.write(checkpoint()) if write == "write" else store.keep(checkpoint(), 4)
+
+    path = save()
+    before = (path / "state.json").stat().st_ino
+    assert save() == path
+    assert (path / "state.json").stat().st_ino == before  # left as it was
+    damage_tensors(path)
+    assert save() == path
+    assert read_checkpoint(path).agent_steps == 10
+    assert path.with_name(f"unloadable-{path.name}").is_dir()
 
 
 def test_nothing_to_load(tmp_path: Path) -> None:

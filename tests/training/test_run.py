@@ -107,6 +107,20 @@ def test_resume_continues_the_run(small: Any) -> None:
     assert newest(first.run).run["episodes"]["agent"]["num_episodes"] > 0
 
 
+def test_resume_replaces_a_corrupt_newest_checkpoint(
+    small: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    config = small()
+    first = train(config)
+    path = RunFolder(first.run).checkpoints().paths()[-1]
+    (path / "tensors.safetensors").write_bytes(b"half")
+    second = train(config, resume=first.run)
+    assert (second.stop_reason, second.agent_steps) == ("total_steps", 640)
+    assert f"{path} was renamed to unloadable-{path.name}" in caplog.text
+    assert read_checkpoint(path).agent_steps == 640
+    assert newest(first.run).agent_steps == 640
+
+
 def test_exact_resume_equals_an_uninterrupted_run(small: Any) -> None:
     schedule = {"learning_rate_schedule": "constant"}
     config = small(exact_resume=True, checkpoint_every_updates=2, ppo=schedule, total_steps=768)

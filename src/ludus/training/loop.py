@@ -94,7 +94,7 @@ def _train_in(
     if is_resumed:
         store = folder.checkpoints(config.keep_checkpoints)
         store.clean()
-        path, checkpoint = store.newest(has_replay=True)
+        path, checkpoint = store.newest(has_replay=True, set_aside=True)
         check_spec(checkpoint.fingerprints, pool.policies, path)
         trainer.resume(checkpoint)
         MetricsLog.forget_after(folder.metrics, checkpoint.agent_steps)
