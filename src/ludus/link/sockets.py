@@ -131,7 +131,7 @@ class Link:
         return bytes(data)
 
     def spin(self, spin_s: float) -> None:
-        """Poll for an answer for ``spin_s`` seconds before sleeping, see :class:`~ludus.link.busy_poller.BusyPoller`."""
+        """Poll for ``spin_s`` seconds before a read sleeps; :class:`BusyPoller` says when not."""
         if self._poller is not None:
             self._poller.close()
         self._poller = BusyPoller(self._socket, spin_s) if spin_s > 0.0 else None
