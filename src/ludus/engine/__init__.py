@@ -5,10 +5,11 @@ This layer knows processes and projects on disk; it knows nothing of observation
 
 from ludus.engine.affinity import (
     CorePlan,
+    ReservedCores,
     allowed_cores,
-    pin_current_process,
     pinned_to,
     plan_cores,
+    reserve_cores,
 )
 from ludus.engine.doctor import Finding, FindingStatus, doctor
 from ludus.engine.export_game import export_game
@@ -47,6 +48,7 @@ __all__ = [
     "InstalledEngine",
     "LaunchConfig",
     "Project",
+    "ReservedCores",
     "Target",
     "TargetKind",
     "allowed_cores",
@@ -63,10 +65,10 @@ __all__ = [
     "list_engines",
     "matching_template",
     "needs_import",
-    "pin_current_process",
     "pinned_to",
     "plan_cores",
     "read_project",
+    "reserve_cores",
     "resolve_target",
     "scene_path",
     "search_engines",

@@ -7,6 +7,7 @@ Layout of the user cache::
     engines/<kind>/.install.lock
     templates/<kind>/<name>/              an export template; see `template`
     bundled/<kind>/<version>/             a writable copy of the bundled project
+    cores/<host>/core-<number>.lock       held while a pool has pinned an engine to that core
 """
 
 from __future__ import annotations
