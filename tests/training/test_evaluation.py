@@ -5,16 +5,16 @@ import pytest
 from ludus.errors import RunError
 from ludus.networks.policy import Policy
 from ludus.play.evaluation import evaluate
-from ludus.pool.gymnasium_pool import GymnasiumPool
+from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.settings.train_config import PPOConfig
 
 
-def policy(pool: GymnasiumPool) -> dict[str, Policy]:
+def policy(pool: EnginePool) -> dict[str, Policy]:
     return {"agent": Policy(pool.policies["agent"], PPOConfig(hidden_sizes=()))}
 
 
 def test_short_episodes_are_not_favoured() -> None:
-    pool = GymnasiumPool("Lottery-v0", num_worlds=50)
+    pool = open_pool("gym:Lottery-v0", PoolConfig(num_worlds=50))
     result = evaluate(policy(pool), pool, episodes=200)["agent"]
     # Whichever 200 end first would have a mean near 2.5; the unbiased one is 5 ± 0.28.
     assert result.num_episodes == 200
@@ -25,13 +25,13 @@ def test_short_episodes_are_not_favoured() -> None:
 
 @pytest.mark.parametrize(("worlds", "episodes"), [(7, 3), (3, 7), (4, 4)])
 def test_plays_exactly_as_many_as_asked(worlds: int, episodes: int) -> None:
-    pool = GymnasiumPool("Lottery-v0", num_worlds=worlds)
+    pool = open_pool("gym:Lottery-v0", PoolConfig(num_worlds=worlds))
     result = evaluate(policy(pool), pool, episodes)["agent"]
     assert len(result.returns) == len(result.lengths) == result.num_episodes == episodes
 
 
 def test_sampling_differs_by_seed_and_repeats() -> None:
-    pool = GymnasiumPool("Identity-discrete-v0", num_worlds=4)
+    pool = open_pool("gym:Identity-discrete-v0", PoolConfig(num_worlds=4))
     own = policy(pool)
 
     def returns(seed: int) -> tuple[float, ...]:
@@ -42,6 +42,6 @@ def test_sampling_differs_by_seed_and_repeats() -> None:
 
 
 def test_endless_episodes_give_an_error() -> None:
-    pool = GymnasiumPool("Endless-v0", num_worlds=1)
+    pool = open_pool("gym:Endless-v0", PoolConfig(num_worlds=1))
     with pytest.raises(RunError, match="0 of 2 episodes ended within 50 steps"):
         evaluate(policy(pool), pool, 2, max_steps=50)

@@ -71,7 +71,7 @@ def run(command: PlayCommand) -> int:
         num_episodes=command.episodes or (HEADLESS_EPISODES if command.headless else None),
         godot=command.godot,
     )
-    run_folder = _run_folder(command.what)
+    run_folder = _find_run_folder(command.what)
     if run_folder is None and not command.random:
         play_by_hand(config)
         return 0
@@ -90,25 +90,24 @@ def _check(command: PlayCommand) -> None:
         raise ConfigError("--stochastic and --deterministic exclude each other")
     if command.episodes is not None and command.episodes < 1:
         raise ConfigError(f"episodes must be at least 1, not {command.episodes}")
-    if command.in_engine and (command.random or _run_folder(command.what) is None):
+    if command.in_engine and (command.random or _find_run_folder(command.what) is None):
         raise ConfigError(
             "--in-engine plays what was trained in a run",
             hint="name a run folder, such as runs/cartpole-…, and leave --random out",
         )
-    if command.headless and not command.random and _run_folder(command.what) is None:
+    if command.headless and not command.random and _find_run_folder(command.what) is None:
         raise ConfigError(
             "nobody can play by hand without a window",
             hint="use --random, or name a run folder",
         )
 
 
-def _run_folder(what: str) -> Path | None:
+def _find_run_folder(what: str) -> Path | None:
     """Return the run or checkpoint that ``what`` names, or None if it names a game."""
-    path = Path(what)
-    if not path.is_dir() or (path / "project.godot").is_file():
-        return None
-    homes = (path, path.resolve().parent.parent)
-    return path if any((home / "config.json").is_file() for home in homes) else None
+    from ludus.target import find_run
+
+    run = find_run(Path(what))
+    return None if run is None else run.path
 
 
 def _play(config: PlayConfig, command: PlayCommand, run_folder: Path | None) -> None:

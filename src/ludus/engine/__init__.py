@@ -33,7 +33,6 @@ from ludus.engine.launch import (
 )
 from ludus.engine.process import EngineProcess, terminate_all
 from ludus.engine.project import Project, find_project, read_project, scene_path
-from ludus.engine.target import Target, TargetKind, resolve_target
 from ludus.engine.template import ExportTemplate, find_template, matching_template
 
 __all__ = [
@@ -49,8 +48,6 @@ __all__ = [
     "LaunchConfig",
     "Project",
     "ReservedCores",
-    "Target",
-    "TargetKind",
     "allowed_cores",
     "doctor",
     "ensure_imported",
@@ -69,7 +66,6 @@ __all__ = [
     "plan_cores",
     "read_project",
     "reserve_cores",
-    "resolve_target",
     "scene_path",
     "search_engines",
     "terminate_all",

@@ -11,13 +11,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.engine import EngineProcess, GodotFlags, LaunchConfig, resolve_target
+from ludus.engine import EngineProcess, GodotFlags, LaunchConfig
 from ludus.errors import EngineCrashed, SetupError
 from ludus.play.command_line import play_command
 from ludus.play.random_actions import RandomActions
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.session import LaunchOptions
 from ludus.spec.batch import ActionBatch, Batch, Batches
+from ludus.target import check_accepted, parse_target
 
 __all__ = [
     "Act",
@@ -99,6 +100,8 @@ def play_episodes(config: PlayConfig, player: Player, on_episode: OnEpisode) -> 
         TargetError: The target cannot be run.
         EngineError: The engine failed.
     """
+    target = parse_target(config.target, scene=config.scene, godot=config.godot)
+    check_accepted("play", target)
     launch = LaunchOptions(is_windowed=not config.is_headless, is_real_time=not config.is_headless)
     settings = PoolConfig(
         scene=config.scene,
@@ -109,7 +112,7 @@ def play_episodes(config: PlayConfig, player: Player, on_episode: OnEpisode) -> 
         launch=launch,
     )
     try:
-        with open_pool(config.target, settings) as pool:
+        with open_pool(target, settings) as pool:
             _play(pool, config, player, on_episode)
     except EngineCrashed as error:
         if config.is_headless or error.process_exit_code != CLOSED_BY_HAND:
@@ -123,7 +126,8 @@ def play_by_hand(config: PlayConfig) -> None:
         TargetError: The target cannot be started.
         EngineCrashed: The game failed.
     """
-    target = resolve_target(config.target, scene=config.scene, godot=config.godot)
+    target = parse_target(config.target, scene=config.scene, godot=config.godot)
+    check_accepted("play", target)
     command = play_command(target, GodotFlags(headless=False, fixed_fps=None))
     with EngineProcess.start(LaunchConfig(command=command)) as process:
         while (exit_code := process.wait(POLL_S)) is None:

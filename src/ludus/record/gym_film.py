@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
@@ -13,18 +12,15 @@ from numpy.typing import NDArray
 
 from ludus.errors import ConfigError, TargetError
 from ludus.folder_imports import look_in_current_folder
-from ludus.pool.gymnasium_pool import GymnasiumPool
-from ludus.pool.interface import Pool
+from ludus.pool import EnginePool, Pool
 from ludus.record.film import Film, Frame
 from ludus.record.players import Act
 from ludus.record.playing import Play
+from ludus.session.gymnasium_session import GymEnv, GymnasiumSession
 
-__all__ = ["GYMNASIUM_PREFIX", "env_rate", "film_gymnasium", "make_rendering"]
+__all__ = ["env_rate", "film_gymnasium", "make_rendering"]
 
-GYMNASIUM_PREFIX = "gym:"
 RENDER_MODE = "rgb_array"
-
-GymEnv = gymnasium.Env[Any, Any]
 
 
 def make_rendering(env_id: str, max_episode_steps: int | None) -> GymEnv:
@@ -92,7 +88,7 @@ def film_gymnasium(
     """
     counter = _Counter(film, every, num_skipped)
     filmed = _Filmed(env, counter.take)
-    with contextlib.closing(GymnasiumPool("", open_env=lambda: filmed)) as pool:
+    with EnginePool(lambda _: GymnasiumSession([filmed])) as pool:
         play = Play(pool, player(pool), seed)
         play.run(num_episodes, lambda: film.num_frames >= num_frames)
         return dict(play.num_episodes)

@@ -15,20 +15,12 @@ from ludus.play.random_actions import RandomActions
 from ludus.pool.interface import Pool
 from ludus.spec.batch import ActionBatch, Batch, Batches
 
-__all__ = ["Act", "file_player", "find_run", "random_player", "run_player"]
+__all__ = ["Act", "file_player", "random_player", "run_player"]
 
 Act = Callable[[int, Batches], Mapping[str, ActionBatch]]
 """From the number of the step and what all agents see to what they do."""
 
 SCRIPT_STEPS = 1000
-
-
-def find_run(path: Path) -> Path | None:
-    """Return ``path`` if it is a run folder or one of its checkpoints, else None."""
-    if not path.is_dir() or (path / "project.godot").is_file():
-        return None
-    homes = (path, path.resolve().parent.parent)
-    return path if any((home / "config.json").is_file() for home in homes) else None
 
 
 def random_player(pool: Pool, seed: int) -> Act:

@@ -8,14 +8,22 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
-from ludus.engine import Target, TargetKind, resolve_target
 from ludus.engine.bevy_build import with_view
 from ludus.errors import ConfigError, TargetError
 from ludus.pool import PoolConfig, open_pool
 from ludus.pool.interface import Pool
 from ludus.record.film import Film, check_out
 from ludus.record.film_kinds import choose_rate
-from ludus.record.players import Act, file_player, find_run, random_player, run_player
+from ludus.record.players import Act, file_player, random_player, run_player
+from ludus.target import (
+    Executable,
+    Gymnasium,
+    Scene,
+    check_accepted,
+    find_run,
+    parse_target,
+    prepare,
+)
 
 __all__ = ["RecordConfig", "Recorded", "record"]
 
@@ -107,25 +115,31 @@ def record(config: RecordConfig) -> Recorded:
     config = _with_run(config)
     _check(config)
     check_out(config.out)
-    if config.target.startswith("gym:"):
-        return _record_gymnasium(config)
-    target = resolve_target(with_view(config.target), scene=config.scene, godot=config.godot)
-    if target.kind is TargetKind.EXECUTABLE:
-        return _record_pictures(config, target)
-    return _record_game(config, target)
+    target = parse_target(with_view(config.target), scene=config.scene, godot=config.godot)
+    check_accepted("record", target)
+    game = prepare(target)
+    match game:
+        case Gymnasium():
+            return _record_gymnasium(config, game)
+        case Executable():
+            return _record_pictures(config, game)
+        case Scene():
+            return _record_game(config, game)
+        case _:
+            raise AssertionError("check_accepted refuses it")
 
 
 def _with_run(config: RecordConfig) -> RecordConfig:
     """Take from a run what it was trained with."""
     target = find_run(Path(config.target))
     if target is not None:
-        config = replace(config, policy=config.policy or (target,))
+        config = replace(config, policy=config.policy or (target.path,))
     run = find_run(config.policy[0]) if len(config.policy) == 1 else None
     if run is None:
         return config
     from ludus.runs.run_folder import RunFolder
 
-    trained = RunFolder.find(run).read_config()
+    trained = RunFolder(run.folder).read_config()
     return replace(
         config,
         target=config.target if target is None else trained.target,
@@ -161,7 +175,7 @@ def _player(config: RecordConfig) -> Callable[[Pool], Act]:
     run = find_run(config.policy[0]) if len(config.policy) == 1 else None
     samples = config.is_stochastic
     if run is not None:
-        return lambda pool: run_player(pool, run, config.seed, is_stochastic=samples)
+        return lambda pool: run_player(pool, run.path, config.seed, is_stochastic=samples)
     return lambda pool: file_player(pool, config.policy, config.seed, is_stochastic=samples)
 
 
@@ -173,10 +187,10 @@ def _pool_config(config: RecordConfig) -> PoolConfig:
     )
 
 
-def _record_game(config: RecordConfig, target: Target) -> Recorded:
+def _record_game(config: RecordConfig, scene: Scene) -> Recorded:
     from ludus.record import game_film
 
-    rate = game_film.game_rate(game_film.require_project(target))
+    rate = game_film.game_rate(scene)
     film_rate = choose_rate(check_out(config.out), rate, config.frames_per_second)
     ended: dict[str, int] = {}
     with Film(config.out, film_rate, config.width) as film:
@@ -190,23 +204,22 @@ def _record_game(config: RecordConfig, target: Target) -> Recorded:
             seed=config.seed,
         )
         if config.policy or config.is_random:
-            ended = game_film.film_played(target, _pool_config(config), _player(config), shot)
+            ended = game_film.film_played(scene, _pool_config(config), _player(config), shot)
         else:
-            game_film.film_alone(target, shot)
+            game_film.film_alone(scene, shot)
     return Recorded(config.out, film.num_frames, film_rate, ended)
 
 
-def _record_pictures(config: RecordConfig, target: Target) -> Recorded:
+def _record_pictures(config: RecordConfig, game: Executable) -> Recorded:
     from ludus.record import picture_film
 
     if not (config.policy or config.is_random):
         raise TargetError(
-            f"{target.name} is an exported game, which is filmed only while somebody plays it",
+            f"{game.name} is an exported game, which is filmed only while somebody plays it",
             hint="use --policy or --random with a game made with Bevy; of one made with Godot, "
             "film the project that it was exported from",
         )
-    assert target.executable is not None, "it is an executable"
-    with open_pool(target.executable, _pool_config(config)) as pool:
+    with open_pool(game, _pool_config(config)) as pool:
         rate = picture_film.picture_rate(pool)
         film_rate = choose_rate(check_out(config.out), rate, config.frames_per_second)
         with Film(config.out, film_rate, config.width) as film:
@@ -223,13 +236,12 @@ def _record_pictures(config: RecordConfig, target: Target) -> Recorded:
     return Recorded(config.out, film.num_frames, film_rate, ended)
 
 
-def _record_gymnasium(config: RecordConfig) -> Recorded:
+def _record_gymnasium(config: RecordConfig, target: Gymnasium) -> Recorded:
     from ludus.record import gym_film
     from ludus.record.screen import screen
 
-    env_id = config.target.removeprefix(gym_film.GYMNASIUM_PREFIX)
     with screen(), contextlib.ExitStack() as stack:
-        env = gym_film.make_rendering(env_id, config.max_episode_steps)
+        env = gym_film.make_rendering(target.env_id, config.max_episode_steps)
         stack.callback(env.close)
         rate = gym_film.env_rate(env)
         film_rate = choose_rate(check_out(config.out), rate, config.frames_per_second)

@@ -34,6 +34,7 @@ from ludus.errors import CheckpointError, RunError
 from ludus.runs.checkpoint import CheckpointStore
 from ludus.settings.merging import lay_over, read_file, to_plain
 from ludus.settings.train_config import TrainConfig
+from ludus.target import GYMNASIUM_PREFIX
 
 __all__ = ["RunFolder"]
 
@@ -186,8 +187,8 @@ class RunFolder:
 
 
 def _slug(target: str) -> str:
-    if target.startswith("gym:"):
-        stem = target.removeprefix("gym:")
+    if target.startswith(GYMNASIUM_PREFIX):
+        stem = target.removeprefix(GYMNASIUM_PREFIX)
     else:
         stem = Path(target).stem if Path(target).exists() else Path(target).name
     return re.sub(r"[^A-Za-z0-9._-]+", "-", stem).strip("-.") or "run"
