@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ludus.batch import ActionBatch
 
 from ludus.engine import allowed_cores
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.session.engine_session import EngineSession
+from ludus.spec.batch import ActionBatch
 
 pytestmark = [
     pytest.mark.engine,
