@@ -31,7 +31,7 @@ from ludus.engine.launch import (
     godot_command,
     with_display,
 )
-from ludus.engine.process import EngineProcess, terminate_all
+from ludus.engine.process import EngineProcess
 from ludus.engine.project import Project, find_project, read_project, scene_path
 from ludus.engine.target import Target, TargetKind, resolve_target
 from ludus.engine.template import ExportTemplate, find_template, matching_template
@@ -72,6 +72,5 @@ __all__ = [
     "resolve_target",
     "scene_path",
     "search_engines",
-    "terminate_all",
     "with_display",
 ]
