@@ -1,13 +1,18 @@
 """A skipped engine test fails the run: a machine without an engine must not look healthy.
 
-A busy machine, or a shell that starts the tests in the background, changes nothing.
+A busy machine, or a shell that starts the tests in the background, changes nothing. Nor does
+chance: every test starts from the same random numbers.
 """
 
 from __future__ import annotations
 
+import random
+import secrets
 import signal
+import sys
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -19,9 +24,16 @@ from ludus.engine.template import ExportTemplate
 
 _skipped: list[str] = []
 
-# How long an example takes says more about the machine than about what is tested.
-settings.register_profile("ludus", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+# How long an example takes says more about the machine than about what is tested. The examples are
+# the same in every run; `--hypothesis-profile=default` looks for new ones.
+settings.register_profile(
+    "ludus", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.load_profile("ludus")
+
+# Seeds that nobody chose come from here in Ludus, too.
+_seeds = random.Random()
+secrets.randbits = _seeds.getrandbits
 
 
 @pytest.fixture(scope="session")
@@ -41,6 +53,16 @@ def pytest_configure() -> None:
     """Let Ctrl-C reach games: a shell has what it starts in the background ignore it."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup() -> None:
+    """Seed all generators, before the fixtures of the test's module draw anything."""
+    _seeds.seed(1)
+    random.seed(1)
+    np.random.seed(1)
+    if (torch := sys.modules.get("torch")) is not None:
+        torch.manual_seed(1)
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
