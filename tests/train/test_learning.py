@@ -14,6 +14,8 @@ from ludus.train.loop import train
 from ludus.train.networks import perceptron
 from ludus.train.run_folder import RunFolder
 
+pytestmark = pytest.mark.slow
+
 
 def config(target: str, tmp_path: Path, total_steps: int, **ppo: Any) -> TrainConfig:
     settings: dict[str, Any] = {"hidden_sizes": (32,), "minibatch_size": 128, "rollout_steps": 16}

@@ -18,6 +18,8 @@ from ludus.train.metrics import POLICY_METRICS, read_metrics
 from ludus.train.networks import perceptron
 from ludus.train.run_folder import RunFolder
 
+pytestmark = pytest.mark.slow
+
 
 def config(target: str, tmp_path: Path, total_steps: int, **sac: Any) -> TrainConfig:
     settings: dict[str, Any] = {
