@@ -15,10 +15,10 @@ import numpy as np
 import torch
 from algorithms_tasks import TASKS, Task, our_run, save, their_model
 
+from ludus.play.evaluation import evaluate
 from ludus.pool.gymnasium_pool import GymnasiumPool
-from ludus.train.checkpoint import read_checkpoint
-from ludus.train.evaluation import evaluate
-from ludus.train.saved import load_policies
+from ludus.runs.checkpoint import read_checkpoint
+from ludus.runs.saved import load_policies
 
 Curve = dict[int, float]
 """Mean return of an evaluation, by agent steps."""

@@ -12,8 +12,8 @@ from typing import Any
 import torch
 from algorithms_tasks import PPO_DEFAULTS, SAC_DEFAULTS, Task, our_run, save, their_model
 
-from ludus.train.config import PPOConfig, SACConfig
-from ludus.train.metrics import read_metrics
+from ludus.runs.metrics import read_metrics
+from ludus.settings.train_config import PPOConfig, SACConfig
 
 MEASURES = {
     "steps_per_s": "environment steps/s",

@@ -10,9 +10,9 @@ from typing import Any
 
 import torch
 
-from ludus.train.config import PPOConfig, SACConfig, TrainConfig
-from ludus.train.loop import train
-from ludus.train.progress import RunResult
+from ludus.settings.train_config import PPOConfig, SACConfig, TrainConfig
+from ludus.training.loop import train
+from ludus.training.progress import RunResult
 
 PPO_DEFAULTS = PPOConfig(
     hidden_sizes=(64, 64), activation="tanh", learning_rate=3e-4, rollout_steps=2048,

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import tyro
 
-from ludus.batch import ActionBatch
 from ludus.engine import resolve_target
 from ludus.session import EngineSession, open_session
+from ludus.spec.batch import ActionBatch
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
 

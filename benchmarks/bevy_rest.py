@@ -30,9 +30,9 @@ from urllib.parse import quote
 import numpy as np
 import tyro
 
-from ludus.dialects.bevy_rl.client import Client
-from ludus.dialects.bevy_rl.connection import Connection
 from ludus.engine.bevy_build import build_bevy_example
+from ludus.legacy.bevy_rl.client import Client
+from ludus.legacy.bevy_rl.connection import Connection
 
 PEER_ADDRESS = ("127.0.0.1", 7878)
 START_TIMEOUT_S = 20.0

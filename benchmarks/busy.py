@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 import tyro
 
-from ludus.batch import ActionBatch
 from ludus.pool import PoolConfig, open_pool
+from ludus.spec.batch import ActionBatch
 
 WARM_UP_STEPS = 200
 

@@ -15,9 +15,9 @@ import numpy as np
 import tyro
 
 from ludus.addon import install_addon
-from ludus.batch import ActionBatch
 from ludus.engine import EngineKind, resolve_target
 from ludus.session import EngineSession, LaunchOptions, open_session
+from ludus.spec.batch import ActionBatch
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
 

@@ -30,11 +30,11 @@ import numpy as np
 import tyro
 
 import ludus
-from ludus.batch import ActionBatch
-from ludus.classic_addon import install_classic
-from ludus.dialects.godot_gym_api import GodotClient
 from ludus.engine import EngineKind, ensure_imported, find_engine, read_project
+from ludus.legacy.addon import install_classic
+from ludus.legacy.godot_gym_api import GodotClient
 from ludus.pool import PoolConfig, open_pool
+from ludus.spec.batch import ActionBatch
 
 ADDRESS = ("127.0.0.1", 9090)
 ALL: dict[str, list[str]] = {"agent": [], "world": []}

@@ -28,9 +28,9 @@ import numpy as np
 import tyro
 
 import ludus
-from ludus.batch import ActionBatch
 from ludus.engine import EngineKind, find_engine
 from ludus.pool import PoolConfig, open_pool
+from ludus.spec.batch import ActionBatch
 
 TIMEOUT_S = 120.0
 WARM_UP_STEPS = 200

@@ -23,11 +23,11 @@ import tyro
 from algorithms_tasks import PPO_DEFAULTS, TASKS, their_model
 from torch import Tensor, nn
 
+from ludus.algorithms.learner import LearnerSettings
+from ludus.algorithms.ppo import PPO, Transitions
+from ludus.networks.networks import Inputs
+from ludus.networks.policy import Policy
 from ludus.pool.gymnasium_pool import GymnasiumPool
-from ludus.train.learner import LearnerSettings
-from ludus.train.networks import Inputs
-from ludus.train.policy import Policy
-from ludus.train.ppo import PPO, Transitions
 
 TASK = TASKS["hopper-ppo"]
 STEPS = PPO_DEFAULTS.rollout_steps

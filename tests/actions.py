@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ludus.batch import ActionBatch
 from ludus.pool import EnginePool
+from ludus.spec.batch import ActionBatch
 
 __all__ = ["zeros"]
 

@@ -3,17 +3,24 @@
 A test without the mark ``engine`` finds no engine. A test with the mark ``screen`` is left out
 where nothing can be drawn; the last lines of the run name what was left out and what brings it.
 With ``CI=true`` a run that left anything out has failed.
+
+A busy machine, or a shell that starts the tests in the background, changes nothing. Nor does
+chance: every test starts from the same random numbers.
 """
 
 from __future__ import annotations
 
 import os
+import random
+import secrets
 import signal
+import sys
 import tempfile
 from collections import Counter
 from functools import cache
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -27,9 +34,16 @@ from ludus.errors import SetupError
 _left_out: Counter[str] = Counter()
 _hidden = pytest.StashKey[pytest.MonkeyPatch]()
 
-# How long an example takes says more about the machine than about what is tested.
-settings.register_profile("ludus", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+# How long an example takes says more about the machine than about what is tested. The examples are
+# the same in every run; `--hypothesis-profile=default` looks for new ones.
+settings.register_profile(
+    "ludus", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.load_profile("ludus")
+
+# Seeds that nobody chose come from here in Ludus, too.
+_seeds = random.Random()
+secrets.randbits = _seeds.getrandbits
 
 
 @pytest.fixture(scope="session")
@@ -56,6 +70,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     """Leave out what cannot be drawn, and hide the engines from whoever should not start any."""
     if item.get_closest_marker("screen") and (reason := _why_nothing_is_drawn()):
         pytest.skip(reason)
+    _seed_generators()
     if not (item.get_closest_marker("engine") or item.get_closest_marker("screen")):
         patch = item.stash[_hidden] = pytest.MonkeyPatch()
         patch.setenv("XDG_CACHE_HOME", _empty_cache().name)
@@ -83,6 +98,15 @@ def _why_nothing_is_drawn() -> str:
     except SetupError as error:
         return f"{error.message}; {error.hint}"
     return ""
+
+
+def _seed_generators() -> None:
+    """Seed all generators, before the fixtures of the test's module draw anything."""
+    _seeds.seed(1)
+    random.seed(1)
+    np.random.seed(1)
+    if (torch := sys.modules.get("torch")) is not None:
+        torch.manual_seed(1)
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from ludus import play_in_engine as module
 from ludus.errors import EngineCrashed, EngineTimeout, GameError
-from ludus.play import PlayConfig
-from ludus.play_in_engine import play_in_engine
+from ludus.play import in_engine as module
+from ludus.play.in_engine import play_in_engine
+from ludus.play.interactive import PlayConfig
 from tests.godot.conftest import is_gone as is_process_gone
 
 REPORT = """echo 'ludus-episode {"policy":"%s","return":%s,"length":7}'\n"""

@@ -7,38 +7,65 @@
 
 from __future__ import annotations
 
+from ludus.folder_imports import drop_current_folder
+
+drop_current_folder()  # before anything else is imported
+
+# ruff: noqa: E402
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from ludus.registration import register_examples
+from ludus import _moved
+from ludus.libraries.registration import register_examples
 from ludus.version import __version__
 
 if TYPE_CHECKING:
-    from ludus.envs import LudusEnv, LudusVectorEnv, make, make_vec
     from ludus.errors import LudusError
+    from ludus.libraries import LudusEnv, LudusVectorEnv, make, make_vec
     from ludus.pool import PoolConfig, open_pool
+    from ludus.settings.train_config import (
+        LeagueConfig,
+        Phase,
+        PPOConfig,
+        SACConfig,
+        TrainConfig,
+    )
+    from ludus.training.loop import train
 
 __all__ = [
+    "LeagueConfig",
     "LudusEnv",
     "LudusError",
     "LudusVectorEnv",
+    "PPOConfig",
+    "Phase",
     "PoolConfig",
+    "SACConfig",
+    "TrainConfig",
     "__version__",
     "make",
     "make_vec",
     "open_pool",
+    "train",
 ]
 
 _HOMES = {
-    "LudusEnv": "ludus.envs",
+    "LeagueConfig": "ludus.settings.train_config",
+    "LudusEnv": "ludus.libraries",
     "LudusError": "ludus.errors",
-    "LudusVectorEnv": "ludus.envs",
+    "LudusVectorEnv": "ludus.libraries",
+    "PPOConfig": "ludus.settings.train_config",
+    "Phase": "ludus.settings.train_config",
     "PoolConfig": "ludus.pool",
-    "make": "ludus.envs",
-    "make_vec": "ludus.envs",
+    "SACConfig": "ludus.settings.train_config",
+    "TrainConfig": "ludus.settings.train_config",
+    "make": "ludus.libraries",
+    "make_vec": "ludus.libraries",
     "open_pool": "ludus.pool",
+    "train": "ludus.training.loop",
 }
 
+_moved.install()
 register_examples()
 
 

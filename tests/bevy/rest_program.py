@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ludus.batch import ActionBatch, Batch
-from ludus.dialects.registry import GamePlace, find_bridge, open_bridge_session
-from ludus.dialects.session import DialectSession
+from ludus.legacy.registry import GamePlace, find_bridge, open_bridge_session
+from ludus.legacy.session import DialectSession
+from ludus.spec.batch import ActionBatch, Batch
 from ludus.wire.reset import ResetRequest
 
 __all__ = ["Program", "Start", "reset", "step"]

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ludus.batch import ActionBatch, Batch
 from ludus.check import CheckConfig, run_checks
 from ludus.engine import resolve_target
 from ludus.errors import SetupError, TargetError
 from ludus.record import RecordConfig, record
 from ludus.session import EngineSession, LaunchOptions, open_session
+from ludus.spec.batch import ActionBatch, Batch
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetAction, ResetRequest
 from tests.record.games import frames_of

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ludus.batch import ActionBatch, Batch
 from ludus.check import CheckConfig, run_checks
 from ludus.cli.main import main
 from ludus.pool import PoolConfig, open_pool
 from ludus.session import EngineSession
+from ludus.spec.batch import ActionBatch, Batch
 from ludus.wire.reset import ResetRequest
 from tests.bevy.conftest import TARGET, Open
 

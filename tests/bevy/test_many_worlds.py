@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ludus.batch import ActionBatch, Batch
 from ludus.errors import ProtocolError
 from ludus.session import EngineSession
+from ludus.spec.batch import ActionBatch, Batch
 from ludus.wire.reset import ResetRequest
 from tests.bevy.conftest import Open
 

@@ -14,23 +14,23 @@ import pytest
 from ludus.cli.main import main
 from ludus.engine.bundled import bevy_workspace
 from ludus.errors import EngineError, EngineTimeout, ParityError
+from ludus.export import bevy_runtime
+from ludus.export.bevy_runtime import BevyGame
+from ludus.export.convert import to_model
+from ludus.export.exporting import ExportConfig, export_policies
+from ludus.export.parity import ParityReport, PolicyFiles, measure_parity, require_parity
 from ludus.model import read_model
 from ludus.model.json_file import write_model
+from ludus.networks.policy import Policy
 from ludus.pool import PoolConfig, open_pool
 from ludus.session import LaunchOptions
-from ludus.train.config import PolicyConfig, PPOConfig, SACConfig
-from ludus.train.export import bevy_runtime
-from ludus.train.export.bevy_runtime import BevyGame
-from ludus.train.export.convert import to_model
-from ludus.train.export.exporting import ExportConfig, export_policies
-from ludus.train.export.parity import ParityReport, PolicyFiles, measure_parity, require_parity
-from ludus.train.policy import Policy
+from ludus.settings.train_config import PolicyConfig, PPOConfig, SACConfig
 from tests.actions import zeros
 from tests.bevy.conftest import TARGET, processes
 from tests.gymgodot.conftest import left_processes
 from tests.model.golden import model_path
-from tests.train.test_export_godot import ATARI
-from tests.train.trained_runs import MIXED, SIMPLE, make_policy
+from tests.training.test_export_godot import ATARI
+from tests.training.trained_runs import MIXED, SIMPLE, make_policy
 
 pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(180, func_only=True)]
 

@@ -14,8 +14,6 @@ import pytest
 from gymnasium import spaces
 
 import ludus
-from ludus.dialects.bevy_rl import client as client_module
-from ludus.dialects.session import DialectSession
 from ludus.engine.bevy_build import build_bevy_example
 from ludus.errors import (
     ConfigError,
@@ -26,6 +24,8 @@ from ludus.errors import (
     ProtocolError,
     UsageError,
 )
+from ludus.legacy.bevy_rl import client as client_module
+from ludus.legacy.session import DialectSession
 from ludus.wire.reset import ResetRequest
 from tests.bevy.rest_program import Program, Start, reset, step
 

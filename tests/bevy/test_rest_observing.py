@@ -10,9 +10,9 @@ import pytest
 from gymnasium import spaces
 from PIL import Image
 
-from ludus.dialects.bevy_rl.observing import Observing
-from ludus.dialects.bevy_rl.pictures import split_picture
 from ludus.errors import GameError
+from ludus.legacy.bevy_rl.observing import Observing
+from ludus.legacy.bevy_rl.pictures import split_picture
 
 
 def _box(size: int) -> spaces.Box:

@@ -15,11 +15,11 @@ from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
 import ludus
-from ludus.batch import Batch
-from ludus.dialects.bevy_rl import client as client_module
-from ludus.dialects.session import DialectSession
 from ludus.engine.bevy_build import build_bevy_example
 from ludus.errors import GameError
+from ludus.legacy.bevy_rl import client as client_module
+from ludus.legacy.session import DialectSession
+from ludus.spec.batch import Batch
 from tests.bevy.rest_program import Program, Start, reset, step
 
 pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(300, func_only=True)]

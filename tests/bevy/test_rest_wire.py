@@ -11,9 +11,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from ludus.dialects.bevy_rl.client import Client
-from ludus.dialects.bevy_rl.connection import Connection, Response
 from ludus.errors import EngineCrashed, EngineTimeout, GameError, LudusError, ProtocolError
+from ludus.legacy.bevy_rl.client import Client
+from ludus.legacy.bevy_rl.connection import Connection, Response
 
 _DEADLINE_S = 10.0
 _FUZZ = settings(

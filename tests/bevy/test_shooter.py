@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ludus.batch import ActionBatch, Batch
 from ludus.check import CheckConfig, Status, run_checks
 from ludus.cli.main import main
 from ludus.engine import resolve_target
 from ludus.engine.bevy_build import find_bevy_example, with_view
 from ludus.errors import TargetError
 from ludus.session import EngineSession, LaunchOptions, open_session
+from ludus.spec.batch import ActionBatch, Batch
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
 

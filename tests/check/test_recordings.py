@@ -7,14 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ludus.batch import Batch
 from ludus.check.difference import first_difference
 from ludus.check.episodes import Verdict, compare_episodes
 from ludus.check.finding import Status
 from ludus.check.frame_rules import RULES, apply_rule
 from ludus.check.observations import ranges
-from ludus.check.random_actions import RandomActions
 from ludus.check.recording import Frame, Recording
+from ludus.play.random_actions import RandomActions
 from ludus.spec import (
     AgentSpec,
     ContinuousAction,
@@ -23,6 +22,7 @@ from ludus.spec import (
     PolicySpec,
     Spec,
 )
+from ludus.spec.batch import Batch
 
 NUM_WORLDS = 8
 

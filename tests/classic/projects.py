@@ -6,7 +6,7 @@ import shutil
 from collections import Counter
 from pathlib import Path
 
-from ludus.classic_addon import install_classic
+from ludus.legacy.addon import install_classic
 
 __all__ = ["GODOT_AI", "Events", "classic_game", "original_game"]
 

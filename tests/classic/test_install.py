@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from ludus.addon import CLASSIC_PATH, MANIFEST_NAME, install_addon
-from ludus.classic_addon import KEPT_PATH, install_classic
 from ludus.cli.addon import Install, run
 from ludus.errors import ConfigError
+from ludus.legacy.addon import KEPT_PATH, install_classic
 from tests.classic.projects import GAME, GODOT_AI, original_game
 
 SCRIPTS = sorted(file.relative_to(GODOT_AI).as_posix() for file in GODOT_AI.rglob("*.gd"))

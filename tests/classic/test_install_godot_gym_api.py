@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from ludus.addon import CLASSIC_PATH
-from ludus.classic_addon import install_classic
 from ludus.cli.addon import Install, run
 from ludus.engine.config_file import parse_config
 from ludus.errors import ConfigError
+from ludus.legacy.addon import install_classic
 from tests.classic.originals import FOLDER, ORIGINALS, add_originals
 from tests.classic.test_install import tree
 

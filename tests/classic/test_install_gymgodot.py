@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from ludus.addon import CLASSIC_PATH, install_addon
-from ludus.classic_addon import install_classic
-from ludus.classic_files import own_classes
 from ludus.cli.addon import Install, run
 from ludus.engine.bundled import bundled_root
 from ludus.engine.kinds import EngineKind
 from ludus.errors import ConfigError
+from ludus.legacy.addon import install_classic
+from ludus.legacy.addon_files import own_classes
 from tests.classic.test_install import tree
 
 GAMES = Path(__file__).parents[1] / "gymgodot" / "project"

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ludus.batch import ActionBatch, Batches
 from ludus.engine import (
     EngineKind,
     EngineProcess,
@@ -24,11 +23,12 @@ from ludus.engine import (
 )
 from ludus.link import Link, Listener
 from ludus.pool import EnginePool, PoolConfig, open_pool
+from ludus.runs.metrics import read_metrics
 from ludus.session import LaunchOptions
 from ludus.session.opening import RUN_SCENE
-from ludus.train.config import TrainConfig
-from ludus.train.loop import train
-from ludus.train.metrics import read_metrics
+from ludus.settings.train_config import TrainConfig
+from ludus.spec.batch import ActionBatch, Batches
+from ludus.training.loop import train
 from ludus.wire.frames import FrameType
 from tests.classic.projects import Events, classic_game
 from tests.wire.golden import load

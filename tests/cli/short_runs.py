@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ludus.train.config import PPOConfig, TrainConfig
-from ludus.train.loop import train
+from ludus.settings.train_config import PPOConfig, TrainConfig
+from ludus.training.loop import train
 
 
 def short_run(runs: Path, name: str = "run") -> Path:

@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 from ludus.cli.main import main
-from ludus.train.metrics import read_metrics
-from ludus.train.run_folder import RunFolder
-from ludus.train.run_list import list_runs
+from ludus.runs.metrics import read_metrics
+from ludus.runs.run_folder import RunFolder
+from ludus.runs.run_list import list_runs
 from tests.cli.short_runs import short_run
 
 ENDLESS = [

@@ -14,8 +14,8 @@ from ludus.cli import train as train_command
 from ludus.cli.live import sparkline
 from ludus.cli.main import main
 from ludus.errors import ConfigError
+from ludus.settings.train_config import PPOConfig, SACConfig, TrainConfig
 from ludus.spec import AgentSpec, DiscreteAction, ObservationEntry, PolicySpec
-from ludus.train.config import PPOConfig, SACConfig, TrainConfig
 
 TARGET = "gym:CartPole-v1"
 SMALL = [

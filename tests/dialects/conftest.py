@@ -17,11 +17,11 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 
-from ludus.batch import ActionBatch, Batch
-from ludus.dialects.godot_gym_api.messages import State
-from ludus.dialects.registry import GamePlace, find_bridge, open_bridge_session
+from ludus.legacy.godot_gym_api.messages import State
+from ludus.legacy.registry import GamePlace, find_bridge, open_bridge_session
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.session import Session
+from ludus.spec.batch import ActionBatch, Batch
 from ludus.wire.reset import ResetRequest
 from tests.godot_gym_api.compiled import WALK
 from tests.godot_gym_api.conftest import make_project

@@ -12,9 +12,9 @@ from gymnasium.utils.env_checker import check_env
 import ludus
 from ludus.errors import UsageError
 from ludus.pool import EnginePool
-from ludus.train.config import PPOConfig, TrainConfig
-from ludus.train.loop import train
-from ludus.train.metrics import read_metrics
+from ludus.runs.metrics import read_metrics
+from ludus.settings.train_config import PPOConfig, TrainConfig
+from ludus.training.loop import train
 from tests.dialects.conftest import KINDS, Walk, move, walk_of
 from tests.gymgodot.conftest import left_processes, running_games
 

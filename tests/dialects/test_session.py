@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ludus.batch import ActionBatch
-from ludus.dialects.godot_gym_api.messages import State
 from ludus.errors import (
     ActionError,
     EngineCrashed,
@@ -20,7 +18,9 @@ from ludus.errors import (
     SequenceError,
     UsageError,
 )
+from ludus.legacy.godot_gym_api.messages import State
 from ludus.session import Session
+from ludus.spec.batch import ActionBatch
 from ludus.wire.reset import ResetAction, ResetRequest
 from tests.dialects.conftest import (
     Walk,

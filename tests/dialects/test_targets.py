@@ -11,9 +11,9 @@ from gymnasium import spaces
 
 import ludus
 from ludus.cli.main import main
-from ludus.dialects.registry import BRIDGES, find_bridge
 from ludus.engine.target import BRIDGE_PREFIXES
 from ludus.errors import ConfigError, EngineStartError, LudusError, TargetError
+from ludus.legacy.registry import BRIDGES, find_bridge
 from tests.dialects.conftest import GODOT_GYM_API, GYMGODOT
 
 SETTINGS = {"gymgodot:": GYMGODOT, "godot_gym_api:": GODOT_GYM_API}

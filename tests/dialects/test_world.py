@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 
-from ludus.batch import ActionBatch, Batch
-from ludus.dialects.dialect import Declaration, Outcome
-from ludus.dialects.session import DialectSession
 from ludus.errors import ActionError, ConfigError, GameError, ProtocolError, TargetError
+from ludus.legacy.legacy_game import Declaration, Outcome
+from ludus.legacy.session import DialectSession
+from ludus.spec.batch import ActionBatch, Batch
 from ludus.wire.reset import ResetRequest
 
 LIVES = (2, 4, 3)

@@ -9,7 +9,7 @@ import pytest
 
 import ludus
 from ludus.cli.main import COMMANDS
-from ludus.train.metrics import METRICS, POLICY_METRICS
+from ludus.runs.metrics import METRICS, POLICY_METRICS
 
 ROOT = Path(__file__).parents[2]
 PAGES = [

@@ -12,9 +12,9 @@ import pytest
 
 import ludus
 from ludus.addon import install_addon
-from ludus.batch import ActionBatch
 from ludus.check import CheckConfig, Status, run_checks
 from ludus.pool import EnginePool, PoolConfig, open_pool
+from ludus.spec.batch import ActionBatch
 
 pytestmark = pytest.mark.engine
 PAGE = (Path(__file__).parents[2] / "docs/simulations.md").read_text()

@@ -26,7 +26,7 @@ from ludus.engine.launch import (
     godot_command,
     with_display,
 )
-from ludus.engine.process import EngineProcess, terminate_all
+from ludus.engine.process import EngineProcess
 from ludus.engine.project import find_project
 from ludus.errors import ConfigError, EngineStartError
 
@@ -47,7 +47,7 @@ time.sleep(100)
 OWNER = """
 import os, sys, time
 from ludus.engine.launch import LaunchConfig
-from ludus.engine.process import EngineProcess, terminate_all
+from ludus.engine.process import EngineProcess
 process = EngineProcess.start(LaunchConfig(command=(sys.executable, {family!r}, "1")))
 while len(process.last_lines()) < 2:
     time.sleep(0.01)
@@ -300,7 +300,6 @@ def test_forgotten_process_is_ended(family: Path) -> None:
         "raise RuntimeError('oops')",
         "sys.exit(3)",
         "import signal; signal.raise_signal(signal.SIGINT); time.sleep(20)",
-        "terminate_all(); os._exit(0)",
     ],
 )
 def test_no_orphans_when_python_ends(family: Path, ending: str) -> None:
@@ -312,16 +311,9 @@ def test_no_orphans_when_python_ends(family: Path, ending: str) -> None:
     until(lambda: not group_members(pid))
 
 
-def test_terminate_all_ends_every_process() -> None:
-    processes = [EngineProcess.start(python("import time; time.sleep(100)")) for _ in range(3)]
-    terminate_all()
-    assert all(process.exit_code == -signal.SIGTERM for process in processes)
-
-
 def _use_in_fork(process: EngineProcess) -> None:
     process.terminate()
     assert process.poll() is None
-    terminate_all()
 
 
 def test_forked_copy_ends_nothing() -> None:

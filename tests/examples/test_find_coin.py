@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ludus.batch import ActionBatch, Batch, Batches
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.spec import ContinuousAction
+from ludus.spec.batch import ActionBatch, Batch, Batches
 
 pytestmark = pytest.mark.engine
 

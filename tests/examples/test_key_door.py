@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import ludus
-from ludus.envs.vector import LudusVectorEnv
+from ludus.libraries.vector import LudusVectorEnv
 
 pytestmark = pytest.mark.engine
 

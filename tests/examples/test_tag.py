@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ludus.batch import ActionBatch, Batches
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.spec import ContinuousAction, DiscreteAction
+from ludus.spec.batch import ActionBatch, Batches
 
 pytestmark = pytest.mark.engine
 

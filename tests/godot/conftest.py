@@ -12,10 +12,10 @@ from typing import Any
 import psutil
 import pytest
 
-from ludus.batch import ActionBatch, Batches
 from ludus.engine import resolve_target
 from ludus.engine.bundled import bundled_root
 from ludus.session import EngineSession, LaunchOptions, open_session
+from ludus.spec.batch import ActionBatch, Batches
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ludus.batch import ActionBatch, Batch
 from ludus.engine import (
     EngineKind,
     EngineProcess,
@@ -22,6 +21,7 @@ from ludus.engine import (
 )
 from ludus.errors import SetupError
 from ludus.session import EngineSession, LaunchOptions, open_session
+from ludus.spec.batch import ActionBatch, Batch
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetAction, ResetRequest
 from tests.godot.camera_games import HEIGHT, WIDTH, make_project

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from ludus.batch import ActionBatch, Batches
 from ludus.engine import resolve_target
 from ludus.pool import EnginePool, PoolConfig, open_pool
+from ludus.spec.batch import ActionBatch, Batches
 
 pytestmark = pytest.mark.engine
 NUM_FRAMES = 10

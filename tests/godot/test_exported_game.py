@@ -29,10 +29,10 @@ from ludus.engine import (
 from ludus.engine.bundled import bundled_root
 from ludus.model import PolicyModel, write_model
 from ludus.model.policy_model import Distribution, Linear
+from ludus.runs.metrics import read_metrics
+from ludus.runs.run_folder import RunFolder
 from ludus.session import LaunchOptions, open_session
 from ludus.spec import PolicySpec
-from ludus.train.metrics import read_metrics
-from ludus.train.run_folder import RunFolder
 from ludus.wire.handshake import EngineConfig
 from tests.serve.guided.test_press_play import free_port, servers
 

@@ -11,10 +11,10 @@ import pytest
 from ludus.engine.bundled import bundled_root
 from ludus.model import PolicyModel, read_model, write_model
 from ludus.model.policy_model import Distribution, Linear
-from ludus.play import PlayConfig
-from ludus.play_in_engine import play_in_engine
+from ludus.play.in_engine import play_in_engine
+from ludus.play.interactive import PlayConfig
+from ludus.settings.train_config import PPOConfig
 from ludus.spec import ContinuousAction, ObservationEntry
-from ludus.train import PPOConfig
 
 pytestmark = pytest.mark.engine
 

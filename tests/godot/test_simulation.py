@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ludus.batch import ActionBatch, Batches
 from ludus.check import CheckConfig, Status, run_checks
 from ludus.check.difference import first_difference
 from ludus.check.recording import Recording, record
@@ -18,8 +17,9 @@ from ludus.engine import EngineKind, read_project, resolve_target
 from ludus.errors import EngineError, LudusError
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.session import EngineSession, open_session
-from ludus.train.config import PPOConfig, TrainConfig
-from ludus.train.loop import train
+from ludus.settings.train_config import PPOConfig, TrainConfig
+from ludus.spec.batch import ActionBatch, Batches
+from ludus.training.loop import train
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetAction, ResetRequest
 from tests.godot import simulation_games

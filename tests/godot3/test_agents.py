@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 import ludus
-from ludus.batch import ActionBatch
 from ludus.errors import TargetError
 from ludus.pool import PoolConfig, open_pool
 from ludus.session import EngineSession
 from ludus.spec import ContinuousAction, DiscreteAction
+from ludus.spec.batch import ActionBatch
 from ludus.wire.reset import ResetRequest
 from tests.godot.conftest import Game, reset, step
 

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ludus.batch import ActionBatch, Batch
 from ludus.engine import EngineKind, EngineProcess, GodotFlags, LaunchConfig, resolve_target
 from ludus.engine.bundled import bundled_root
 from ludus.model import read_model
-from ludus.play_command import play_command
-from ludus.play_in_engine import EPISODE
+from ludus.play.command_line import play_command
+from ludus.play.in_engine import EPISODE
 from ludus.session import EngineSession, open_session
+from ludus.spec.batch import ActionBatch, Batch
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
 

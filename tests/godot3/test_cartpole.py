@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from ludus.batch import ActionBatch
 from ludus.engine import resolve_target
 from ludus.session import EngineSession, open_session
+from ludus.spec.batch import ActionBatch
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from ludus.batch import Batches
 from ludus.engine import resolve_target
 from ludus.pool import PoolConfig, open_pool
+from ludus.spec.batch import Batches
 from tests.godot.test_comings_and_goings import (
     NUM_FRAMES,
     PARAMETERS,

@@ -17,19 +17,19 @@ from ludus.cli import main
 from ludus.engine import EngineKind, InstalledEngine, find_engine, resolve_target
 from ludus.engine.bundled import runnable_bundled_root
 from ludus.errors import EngineCrashed
+from ludus.export import godot_runtime
+from ludus.export.convert import to_model
+from ludus.export.parity import PolicyFiles, measure_parity, require_parity
 from ludus.model import PolicyModel, write_model
 from ludus.model.policy_model import Distribution, Linear
-from ludus.play import PlayConfig
-from ludus.play_in_engine import play_in_engine
+from ludus.play.in_engine import play_in_engine
+from ludus.play.interactive import PlayConfig
 from ludus.session import open_session
+from ludus.settings.train_config import PolicyConfig, PPOConfig, SACConfig
 from ludus.spec import PolicySpec
-from ludus.train.config import PolicyConfig, PPOConfig, SACConfig
-from ludus.train.export import godot_runtime
-from ludus.train.export.convert import to_model
-from ludus.train.export.parity import PolicyFiles, measure_parity, require_parity
 from ludus.wire.handshake import EngineConfig
-from tests.train.test_export_godot import ATARI
-from tests.train.trained_runs import MIXED, SIMPLE, make_policy
+from tests.training.test_export_godot import ATARI
+from tests.training.trained_runs import MIXED, SIMPLE, make_policy
 
 pytestmark = [pytest.mark.engine, pytest.mark.timeout(300)]
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ludus.batch import ActionBatch
 from ludus.engine import resolve_target
 from ludus.session import EngineSession, open_session
+from ludus.spec.batch import ActionBatch
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
 

@@ -14,11 +14,11 @@ import pytest
 from gymnasium import spaces
 
 import ludus
-from ludus.dialects.godot_gym_api import GodotClient
-from ludus.dialects.godot_gym_api.messages import State
 from ludus.engine.bundled import runnable_bundled_root
 from ludus.engine.kinds import EngineKind
 from ludus.engine.script_classes import add_script_classes, find_script_classes
+from ludus.legacy.godot_gym_api import GodotClient
+from ludus.legacy.godot_gym_api.messages import State
 from tests.gymgodot.conftest import left_processes, left_threads
 
 ALL: dict[str, list[str]] = {"agent": [], "world": []}

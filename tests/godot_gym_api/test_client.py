@@ -12,10 +12,10 @@ import pytest
 from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 
-from ludus.dialects.godot_gym_api import Data, GodotClient, GodotEnvironment
-from ludus.dialects.godot_gym_api.env import GodotGymApiEnv
-from ludus.dialects.godot_gym_api.messages import State
 from ludus.errors import ActionError, ConfigError, GameError, SequenceError, UsageError
+from ludus.legacy.godot_gym_api import Data, GodotClient, GodotEnvironment
+from ludus.legacy.godot_gym_api.env import GodotGymApiEnv
+from ludus.legacy.godot_gym_api.messages import State
 from tests.godot_gym_api.compiled import APPLE_SEEKER, WALK
 from tests.godot_gym_api.conftest import ALL, WALK_SPACES, Opener
 from tests.godot_gym_api.fake_game import CONVERSATION, Walk, answering, playing, replay

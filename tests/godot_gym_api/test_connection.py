@@ -9,8 +9,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from ludus.dialects.godot_gym_api.connection import Connection
 from ludus.errors import EngineTimeout
+from ludus.legacy.godot_gym_api.connection import Connection
 
 LONG = b"x" * (1 << 24)
 """More than the system keeps for a game that does not read."""

@@ -14,8 +14,6 @@ from pathlib import Path
 import psutil
 import pytest
 
-from ludus.dialects.godot_gym_api import GodotClient
-from ludus.dialects.godot_gym_api.ports import free_port
 from ludus.errors import (
     EngineCrashed,
     EngineError,
@@ -25,6 +23,8 @@ from ludus.errors import (
     SequenceError,
     TargetError,
 )
+from ludus.legacy.godot_gym_api import GodotClient
+from ludus.legacy.godot_gym_api.ports import free_port
 from tests.godot_gym_api.compiled import WALK
 from tests.godot_gym_api.conftest import ALL, Opener, left_processes
 from tests.godot_gym_api.fake_game import Serve, Walk, answering, playing, read_request
@@ -231,7 +231,7 @@ def test_an_interrupt_ends_the_conversation(opener: Opener) -> None:
 
 
 START_AND_WAIT = """
-from ludus.dialects.godot_gym_api import GodotClient
+from ludus.legacy.godot_gym_api import GodotClient
 GodotClient(None, ("127.0.0.1", 0), command="sleep 300 #")
 """
 

@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ludus.dialects.godot_gym_api.connection import Connection
-from ludus.dialects.godot_gym_api.data import Data
-from ludus.dialects.godot_gym_api.messages import decode_answer, encode_request
 from ludus.errors import ActionError, EngineTimeout, ProtocolError
+from ludus.legacy.godot_gym_api.connection import Connection
+from ludus.legacy.godot_gym_api.data import Data
+from ludus.legacy.godot_gym_api.messages import decode_answer, encode_request
 from ludus.link import LinkClosed
 from tests.godot_gym_api.compiled import WALK
 

@@ -18,10 +18,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ludus.dialects.godot_gym_api import GodotClient
-from ludus.dialects.godot_gym_api.ports import free_port
-from ludus.dialects.launching import project_command
 from ludus.engine import EngineProcess, LaunchConfig
+from ludus.legacy.godot_gym_api import GodotClient
+from ludus.legacy.godot_gym_api.ports import free_port
+from ludus.legacy.launching import project_command
 from tests.godot_gym_api.conftest import ALL
 
 pytestmark = pytest.mark.engine

@@ -15,7 +15,6 @@ import numpy as np
 import psutil
 import pytest
 
-from ludus.dialects.godot_gym_api import GodotClient
 from ludus.engine import EngineKind, find_engine
 from ludus.errors import (
     EngineCrashed,
@@ -25,6 +24,7 @@ from ludus.errors import (
     GameError,
     ProtocolError,
 )
+from ludus.legacy.godot_gym_api import GodotClient
 from tests.godot_gym_api.compiled import WALK
 from tests.godot_gym_api.conftest import ALL, Opener, left_processes
 from tests.gymgodot.conftest import ROOT, command_of, started_processes
@@ -242,7 +242,7 @@ def test_a_killed_game(opener: Opener, project: Path) -> None:
 
 START_AND_WAIT = """
 import sys
-from ludus.dialects.godot_gym_api import GodotClient
+from ludus.legacy.godot_gym_api import GodotClient
 client = GodotClient(None, ("127.0.0.1", 0), target=sys.argv[1])
 client.reset({})
 print("ready", flush=True)

@@ -46,7 +46,7 @@ import ludus
 {functions}
 gymnasium.register(
     "MyGame-v0",
-    entry_point="ludus.dialects.godot_gym_api:make",
+    entry_point="ludus.legacy.godot_gym_api:make",
     kwargs={{
         "target": {target!r},
         "engine_address": ("127.0.0.1", 0),

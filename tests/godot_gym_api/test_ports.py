@@ -8,8 +8,8 @@ import sys
 
 import pytest
 
-from ludus.dialects.godot_gym_api.ports import check_port_is_free, free_port
 from ludus.errors import EngineStartError
+from ludus.legacy.godot_gym_api.ports import check_port_is_free, free_port
 
 HOST = "127.0.0.1"
 

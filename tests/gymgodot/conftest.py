@@ -16,7 +16,7 @@ import psutil
 import pytest
 
 import ludus
-from ludus.dialects.gymgodot.env import GymGodotEnv
+from ludus.legacy.gymgodot.env import GymGodotEnv
 
 ROOT = Path(__file__).parents[2]
 ACTIONS = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import ludus
-from ludus.classic_addon import install_classic
 from ludus.cli.main import main
 from ludus.engine import EngineKind, find_engine
 from ludus.errors import GameError, TargetError
+from ludus.legacy.addon import install_classic
 
 pytestmark = pytest.mark.engine
 

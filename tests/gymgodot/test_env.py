@@ -15,8 +15,8 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import TimeLimit
 from PIL import Image
 
-from ludus.dialects.godot_gym_api.ports import free_port
 from ludus.errors import ActionError, ConfigError, SequenceError, UsageError
+from ludus.legacy.godot_gym_api.ports import free_port
 from tests.gymgodot.conftest import ROOT, Opener, fake_command, game_of, left_processes
 from tests.gymgodot.fake_game import CONVERSATION
 

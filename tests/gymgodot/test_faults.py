@@ -13,7 +13,6 @@ import gymnasium
 import numpy as np
 import pytest
 
-from ludus.dialects.gymgodot import making
 from ludus.errors import (
     EngineCrashed,
     EngineError,
@@ -24,6 +23,7 @@ from ludus.errors import (
     SequenceError,
     SetupError,
 )
+from ludus.legacy.gymgodot import making
 from tests.gymgodot.conftest import Opener, game_of, left_processes, running_game
 
 STEP = np.array([0.25], np.float32)

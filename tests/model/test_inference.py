@@ -13,7 +13,7 @@ from torch.nn import functional
 from ludus.errors import UsageError
 from ludus.model import ModelRunner, PolicyModel
 from ludus.model.policy_model import Activation, Gru, ImageNetwork, Linear
-from ludus.train.tensors import as_tensor
+from ludus.networks.tensors import as_tensor
 from tests.model.golden import NUM_AGENTS, draw_mask, draw_observation
 from tests.model.models import MODELS, gru, mixed, perceptron, squashed
 
@@ -36,7 +36,7 @@ def linear(layer: Linear, x: torch.Tensor) -> torch.Tensor:
 
 def look(image: ImageNetwork, pixels: NDArray[Any]) -> torch.Tensor:
     x = t(pixels)
-    if x.dim() > 4:  # as ludus.train.networks does
+    if x.dim() > 4:  # as ludus.networks.networks does
         frames = x.flatten(1, x.dim() - 4).permute(0, 2, 3, 4, 1)
         x = frames.reshape(*frames.shape[:3], -1)
     x = x.permute(0, 3, 1, 2).float() / 255

@@ -10,10 +10,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from ludus.batch import ActionBatch
 from ludus.engine.affinity import allowed_cores
 from ludus.pool import PoolConfig, open_pool
 from ludus.pool.opening import DEFAULT_SPIN_US
+from ludus.spec.batch import ActionBatch
 
 pytestmark = [pytest.mark.engine, pytest.mark.alone, pytest.mark.timeout(180, func_only=True)]
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from ludus.batch import ActionBatch
 from ludus.errors import EngineCrashed, EngineTimeout, GameError, SequenceError, UsageError
 from ludus.pool import EnginePool, Pool
 from ludus.session.engine_session import EngineSession
 from ludus.session.supervision import Supervision
+from ludus.spec.batch import ActionBatch
 from ludus.wire.handshake import EngineConfig
 from tests.actions import zeros
 from tests.fake_engine import FLAT, HELLO, FakeEngine, Talk, end_all

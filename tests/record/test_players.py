@@ -13,8 +13,8 @@ from ludus.model import PolicyModel, write_model
 from ludus.model.policy_model import Distribution, Linear
 from ludus.pool.gymnasium_pool import GymnasiumPool
 from ludus.record import RecordConfig, record
-from ludus.train.config import PPOConfig, TrainConfig
-from ludus.train.loop import train
+from ludus.settings.train_config import PPOConfig, TrainConfig
+from ludus.training.loop import train
 from tests.record.games import STEPS, Ticks, read_ticks
 
 TARGET = "gym:tests.record.games:Ticks-v0"

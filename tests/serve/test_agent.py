@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 
+from ludus.algorithms.replay import Sample
 from ludus.errors import ConfigError, SequenceError
 from ludus.serve.godot_ai.agent import Agent, AgentSettings
 from ludus.serve.godot_ai.fields import Fields
 from ludus.serve.godot_ai.transitions import read_replays
-from ludus.train.replay import Sample
 from tests.serve.conftest import replays
 
 SETTINGS = AgentSettings(

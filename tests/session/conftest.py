@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from ludus.batch import ActionBatch
 from ludus.errors import (
     SequenceError,
 )
 from ludus.session.engine_session import EngineSession
 from ludus.session.supervision import Supervision
+from ludus.spec.batch import ActionBatch
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
 from tests.fake_engine import FLAT, FakeEngine, Talk, end_all

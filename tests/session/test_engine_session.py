@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ludus.batch import ActionBatch
 from ludus.errors import (
     ActionError,
     EngineCrashed,
@@ -19,6 +18,7 @@ from ludus.errors import (
     SequenceError,
     UsageError,
 )
+from ludus.spec.batch import ActionBatch
 from ludus.wire.reset import ResetRequest
 from tests.fake_engine import FLAT, POLICIES, Talk
 from tests.session.conftest import (
@@ -90,12 +90,6 @@ def test_times_are_those_of_the_last_step(open_with: Opener) -> None:
     reset(session)
     times = session.times
     assert (times.tick, times.engine_us, times.bridge_us, times.wait_us) == (77, 1, 2, 3)
-
-
-def test_ping_comes_back(open_with: Opener) -> None:
-    session = open_with(answering(frame("PONG", b"\x00\xff"), frame("PONG", b"")))
-    assert session.ping(b"\x00\xff") == b"\x00\xff"
-    assert session.ping() == b""
 
 
 def test_calls(open_with: Opener) -> None:

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from ludus.batch import ActionBatch
 from ludus.spec import PolicySpec, Spec
+from ludus.spec.batch import ActionBatch
 from ludus.wire.frames import FrameType, encode_frame, encode_json
 from ludus.wire.reset import ResetRequest
 from ludus.wire.spec_reader import read_spec

@@ -8,7 +8,6 @@ import hypothesis.strategies as st
 import numpy as np
 from hypothesis.extra.numpy import arrays
 
-from ludus.batch import ActionBatch
 from ludus.spec import (
     ActionComponent,
     AgentSpec,
@@ -18,6 +17,7 @@ from ludus.spec import (
     PolicySpec,
     Spec,
 )
+from ludus.spec.batch import ActionBatch
 from tests.wire import reference
 
 finite = st.floats(-1e6, 1e6, width=32)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ludus.batch import Batch, Batches
 from ludus.spec import PolicySpec
+from ludus.spec.batch import Batch, Batches
 from ludus.wire.frames import FrameReader, FrameType, decode_json
 from ludus.wire.handshake import EngineConfig, Hello, welcome
 from ludus.wire.reset import ResetRequest

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from ludus.batch import ActionBatch, Batches
 from ludus.errors import ActionError, ProtocolError
 from ludus.spec import Spec
+from ludus.spec.batch import ActionBatch, Batches
 from ludus.wire.frames import FrameType
 from ludus.wire.step import BatchDecoder, StepEncoder
 from tests.wire import reference

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ludus.batch import ActionBatch
 from ludus.check.context import CheckContext
 from ludus.check.difference import first_difference
 from ludus.check.finding import Finding, fail, ok, warn
 from ludus.check.recording import Recording, record
 from ludus.pool import EnginePool
 from ludus.spec import DiscreteAction, PolicySpec
+from ludus.spec.batch import ActionBatch
 
 __all__ = ["check_actions"]
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.batch import Batch
 from ludus.check.recording import Frame, Recording, named_arrays
 from ludus.spec import Spec
+from ludus.spec.batch import Batch
 
 __all__ = ["Difference", "first_difference", "frame_difference", "standing_difference"]
 

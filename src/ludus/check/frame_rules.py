@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.batch import Batch
 from ludus.check.context import CheckContext
 from ludus.check.finding import Finding, fail, ok
 from ludus.check.recording import Recording
 from ludus.spec import PolicySpec
+from ludus.spec.batch import Batch
 
 __all__ = ["RULES", "apply_rule", "check_frame_rules"]
 

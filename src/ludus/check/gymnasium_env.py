@@ -9,7 +9,7 @@ from gymnasium.utils.env_checker import check_env
 
 from ludus.check.context import CheckContext, OneEngineOnly
 from ludus.check.finding import Finding, fail, info, ok, warn
-from ludus.envs import LudusEnv
+from ludus.libraries import LudusEnv
 from ludus.spec import Spec
 
 __all__ = ["check_gymnasium"]

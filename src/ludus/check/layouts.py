@@ -8,9 +8,9 @@ import time
 from ludus.check.context import CheckContext, OneEngineOnly
 from ludus.check.episodes import Comparison, Verdict, compare_episodes
 from ludus.check.finding import Finding, fail, info, ok
-from ludus.check.random_actions import RandomActions
 from ludus.check.recording import Recording, record
 from ludus.errors import TargetError
+from ludus.play.random_actions import RandomActions
 from ludus.pool import EnginePool
 
 __all__ = ["check_layouts"]

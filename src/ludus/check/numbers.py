@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.batch import Batch
 from ludus.check.recording import Recording
 from ludus.spec import PolicySpec
+from ludus.spec.batch import Batch
 
 __all__ = ["differences", "element_names", "scales", "table"]
 

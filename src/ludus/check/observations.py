@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.batch import Batch
 from ludus.check.context import CheckContext
 from ludus.check.finding import Finding, fail, info, ok, warn
 from ludus.check.recording import Recording
 from ludus.spec import ObservationEntry, PolicySpec
+from ludus.spec.batch import Batch
 
 __all__ = ["check_observations"]
 

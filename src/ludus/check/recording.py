@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.batch import Batch
-from ludus.check.random_actions import RandomActions
+from ludus.play.random_actions import RandomActions
 from ludus.pool import EnginePool
 from ludus.spec import PolicySpec, Spec
+from ludus.spec.batch import Batch
 
 __all__ = ["Frame", "Recording", "record"]
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ludus.check.context import CheckContext
 from ludus.check.finding import Finding, fail, info, ok, warn
 from ludus.check.numbers import differences, element_names, scales
-from ludus.check.random_actions import RandomActions
 from ludus.check.recording import Frame, Recording
+from ludus.play.random_actions import RandomActions
 from ludus.pool import EnginePool
 
 __all__ = ["check_resets"]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ludus.batch import Batch
 from ludus.check.context import CheckContext, OneEngineOnly
 from ludus.check.difference import first_difference
 from ludus.check.finding import Finding, fail, info, ok, warn
 from ludus.check.recording import Recording, record
 from ludus.errors import TargetError
+from ludus.spec.batch import Batch
 
 __all__ = ["check_seeds"]
 

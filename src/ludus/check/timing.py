@@ -9,8 +9,8 @@ import numpy as np
 from ludus.check.context import CheckContext
 from ludus.check.difference import standing_difference
 from ludus.check.finding import Finding, fail, info, ok
-from ludus.check.random_actions import RandomActions
 from ludus.check.recording import Recording, record
+from ludus.play.random_actions import RandomActions
 from ludus.pool import EnginePool
 from ludus.wire.reset import ResetAction, ResetRequest
 

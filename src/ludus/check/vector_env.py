@@ -11,13 +11,13 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from ludus.batch import ActionBatch, Batch
 from ludus.check.context import CheckContext
 from ludus.check.finding import Finding, fail, info, ok
-from ludus.check.random_actions import RandomActions
-from ludus.envs import LudusVectorEnv
 from ludus.errors import UsageError
+from ludus.libraries import LudusVectorEnv
+from ludus.play.random_actions import RandomActions
 from ludus.spec import DiscreteAction, PolicySpec
+from ludus.spec.batch import ActionBatch, Batch
 
 __all__ = ["check_vector_env"]
 
@@ -74,7 +74,7 @@ class _Player:
 
 
 def to_space(policy: PolicySpec, actions: ActionBatch) -> Any:
-    """Return actions in the form of the batched action space; see ``ludus.envs.spaces``."""
+    """Return actions in the form of the batched action space; see ``ludus.libraries.spaces``."""
     if not policy.continuous_size:
         return actions.discrete[:, 0] if policy.num_discrete == 1 else actions.discrete
     if not policy.num_discrete:

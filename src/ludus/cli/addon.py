@@ -64,7 +64,7 @@ def _install(command: Install) -> int:
 
 
 def _install_classic(command: Install) -> None:
-    from ludus.classic_addon import install_classic
+    from ludus.legacy.addon import install_classic
 
     change = install_classic(command.project, force=command.force)
     _tell("ludus add-on", change.addon)

@@ -16,8 +16,8 @@ import tyro
 from ludus.errors import RunError, UsageError
 
 if TYPE_CHECKING:
-    from ludus.train.control import Request
-    from ludus.train.run_folder import RunFolder
+    from ludus.runs.control import Request
+    from ludus.runs.run_folder import RunFolder
 
 __all__ = ["COMMAND", "ControlCommand", "run"]
 
@@ -60,8 +60,8 @@ def run(command: ControlCommand) -> int:
         CheckpointError: There is no such run.
         RunError: It is not running, has ended meanwhile, or did not react.
     """
-    from ludus.train.control import SaveRequest, StopRequest
-    from ludus.train.run_folder import RunFolder
+    from ludus.runs.control import SaveRequest, StopRequest
+    from ludus.runs.run_folder import RunFolder
 
     folder, wishes = _split(command.words)
     if not wishes and not command.save and not command.stop:
@@ -86,7 +86,7 @@ def read_wishes(wishes: Sequence[str], policies: Collection[str]) -> list[Reques
     Raises:
         UsageError: A policy or mode is unknown, or a policy is named twice.
     """
-    from ludus.train.control import MODES, SetMode
+    from ludus.runs.control import MODES, SetMode
 
     requests: list[Request] = []
     named: set[str] = set()
@@ -113,7 +113,7 @@ def _split(words: Sequence[str]) -> tuple[Path | None, Sequence[str]]:
 
 
 def _only_running() -> RunFolder:
-    from ludus.train.run_list import running_runs
+    from ludus.runs.run_list import running_runs
 
     found = running_runs(RUNS)
     if len(found) == 1:
@@ -132,7 +132,7 @@ def _unknown(what: str, name: str, known: Collection[str], heading: str) -> Usag
 
 def _send(folder: RunFolder, requests: Sequence[Request], timeout_s: float) -> None:
     """Leave the requests and wait until all are taken; withdraw them if the run ends first."""
-    from ludus.train.control import send_request
+    from ludus.runs.control import send_request
 
     left = [send_request(folder.control, request) for request in requests]
     deadline = time.monotonic() + timeout_s

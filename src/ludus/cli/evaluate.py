@@ -50,10 +50,10 @@ def run(command: EvaluateCommand) -> int:
 
     from ludus.cli.live import evaluation_table
     from ludus.errors import ConfigError
-    from ludus.train.evaluation import evaluate
-    from ludus.train.run_folder import RunFolder
-    from ludus.train.saved import load_policies
-    from ludus.train.source import open_source
+    from ludus.play.evaluation import evaluate
+    from ludus.runs.run_folder import RunFolder
+    from ludus.runs.saved import load_policies
+    from ludus.training.source import open_source
 
     if command.episodes < 1:
         raise ConfigError(f"episodes must be at least 1, not {command.episodes}")

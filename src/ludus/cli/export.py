@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import tyro
 
 if TYPE_CHECKING:
-    from ludus.train.export.compare import Comparison
-    from ludus.train.export.exporting import Exported
-    from ludus.train.export.parity import ParityReport
+    from ludus.export.compare import Comparison
+    from ludus.export.exporting import Exported
+    from ludus.export.parity import ParityReport
 
 __all__ = ["COMMAND", "ExportCommand", "run"]
 
@@ -47,7 +47,7 @@ COMMAND = ExportCommand
 
 def run(command: ExportCommand) -> int:
     """Export and print; return 0."""
-    from ludus.train.export.exporting import ExportConfig, export_policies
+    from ludus.export.exporting import ExportConfig, export_policies
 
     config = ExportConfig(
         run=command.run,
@@ -71,7 +71,7 @@ def _lines(exported: Exported) -> list[str]:
 
 
 def _parity_lines(report: ParityReport) -> list[str]:
-    from ludus.train.export.compare import TOLERANCE
+    from ludus.export.compare import TOLERANCE
 
     counts = f"{report.num_random} random"
     if report.num_recorded:

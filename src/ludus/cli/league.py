@@ -17,10 +17,10 @@ from ludus.errors import ConfigError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from ludus.train.checkpoint import Checkpoint
-    from ludus.train.config import TrainConfig
-    from ludus.train.entrants import Entrant, Entrants
-    from ludus.train.tournament import MatchTable
+    from ludus.league.players import Entrant, Entrants
+    from ludus.league.tournament import MatchTable
+    from ludus.runs.checkpoint import Checkpoint
+    from ludus.settings.train_config import TrainConfig
 
 __all__ = ["COMMAND", "LeagueCommand", "run"]
 
@@ -72,7 +72,7 @@ def run(command: LeagueCommand) -> int:
         CheckpointError: There is no such run, or it cannot be loaded.
         TargetError: The game is gone.
     """
-    from ludus.train.entrants import load_entrants, thin_out
+    from ludus.league.players import load_entrants, thin_out
 
     if command.episodes < 1:
         raise ConfigError(f"episodes must be at least 1, not {command.episodes}")
@@ -100,9 +100,9 @@ def _play(
     import torch
     from rich.console import Console
 
-    from ludus.train.checkpoint import check_spec
-    from ludus.train.source import open_source
-    from ludus.train.tournament import TournamentConfig, play_tournament
+    from ludus.league.tournament import TournamentConfig, play_tournament
+    from ludus.runs.checkpoint import check_spec
+    from ludus.training.source import open_source
 
     config = _config(command)
     torch.set_num_threads(config.torch_threads)
@@ -122,7 +122,7 @@ def _play(
 
 
 def _config(command: LeagueCommand) -> TrainConfig:
-    from ludus.train.run_folder import RunFolder
+    from ludus.runs.run_folder import RunFolder
 
     config = RunFolder.find(command.run).read_config()
     return replace(

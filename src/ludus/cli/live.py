@@ -16,10 +16,11 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from ludus.train.config import TrainConfig
-from ludus.train.evaluation import Evaluation
-from ludus.train.policy_config import Mode
-from ludus.train.progress import Progress, RunResult, StopReason
+from ludus.play.evaluation import Evaluation
+from ludus.runs.run_list import StopReason
+from ludus.settings.policy_config import Mode
+from ludus.settings.train_config import TrainConfig
+from ludus.training.progress import Progress, RunResult
 
 __all__ = ["TerminalReporter", "evaluation_table", "reporter_for", "sparkline"]
 
@@ -36,7 +37,7 @@ ENDINGS: dict[StopReason, str] = {
 
 
 class TerminalReporter:
-    """A :class:`~ludus.train.progress.Reporter` that writes to a terminal or a plain stream."""
+    """A :class:`~ludus.training.progress.Reporter` that writes to a terminal or a plain stream."""
 
     def __init__(self, console: Console) -> None:
         self._console = console

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import tyro
 
 if TYPE_CHECKING:
-    from ludus.play import Act, OnEpisode, PlayConfig, Player
+    from ludus.play.interactive import Act, OnEpisode, PlayConfig, Player
     from ludus.pool import EnginePool
 
 __all__ = ["COMMAND", "PlayCommand", "run"]
@@ -58,7 +58,7 @@ COMMAND = PlayCommand
 
 def run(command: PlayCommand) -> int:
     """Play until the end, and return 0."""
-    from ludus.play import PlayConfig, play_by_hand, require_screen
+    from ludus.play.interactive import PlayConfig, play_by_hand, require_screen
 
     _check(command)
     if not command.headless:
@@ -112,7 +112,7 @@ def _run_folder(what: str) -> Path | None:
 
 
 def _play(config: PlayConfig, command: PlayCommand, run_folder: Path | None) -> None:
-    from ludus.play import play_episodes, random_player
+    from ludus.play.interactive import play_episodes, random_player
 
     player: Player = random_player
     if run_folder is not None:
@@ -126,8 +126,8 @@ def _play_in_engine(config: PlayConfig, command: PlayCommand, run_folder: Path) 
     """Export the agents to a temporary folder, and let the game play them."""
     import tempfile
 
-    from ludus.play_in_engine import play_in_engine
-    from ludus.train.export.exporting import write_policies
+    from ludus.export.exporting import write_policies
+    from ludus.play.in_engine import play_in_engine
 
     for name in ("ticks_per_step", "max_episode_steps"):
         if (value := getattr(config, name)) is not None:
@@ -156,9 +156,9 @@ def _trained_player(run_folder: Path, *, is_stochastic: bool) -> Player:
     """Act as the agents of a run would."""
     import torch
 
-    from ludus.train.learners import policy_seed
-    from ludus.train.policy import Player as PolicyPlayer
-    from ludus.train.saved import load_policies
+    from ludus.algorithms.learners import policy_seed
+    from ludus.networks.policy import Player as PolicyPlayer
+    from ludus.runs.saved import load_policies
 
     def player(pool: EnginePool, seed: int) -> Act:
         policies = load_policies(run_folder, pool.policies)
@@ -178,7 +178,7 @@ def _trained_player(run_folder: Path, *, is_stochastic: bool) -> Player:
 
 
 def _as_trained(config: PlayConfig, run_folder: Path, scene: str | None) -> PlayConfig:
-    from ludus.train.run_folder import RunFolder
+    from ludus.runs.run_folder import RunFolder
 
     trained = RunFolder.find(run_folder).read_config()
     return replace(

@@ -15,7 +15,7 @@ import tyro
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from ludus.train.run_list import PolicySummary, RunState, RunSummary
+    from ludus.runs.run_list import PolicySummary, RunState, RunSummary
 
 __all__ = ["COMMAND", "RunsCommand", "run"]
 
@@ -51,7 +51,7 @@ def run(command: RunsCommand) -> int:
     from rich.console import Console
 
     from ludus.errors import UsageError
-    from ludus.train.run_list import list_runs
+    from ludus.runs.run_list import list_runs
 
     try:
         found = list_runs(command.folder)

@@ -66,7 +66,7 @@ def run(command: ServeCommand) -> int:
     check(command)
     with _log_file(command.log):
         logging.getLogger("ludus.serve").setLevel(logging.INFO)
-        from ludus.train.interrupt import Interrupts
+        from ludus.training.interrupt import Interrupts
 
         with Interrupts() as interrupts:
             DIALECTS[command.dialect](command, interrupts.is_stopping)

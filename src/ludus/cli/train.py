@@ -15,10 +15,10 @@ from typing import Annotated, Any
 import tyro
 
 from ludus.errors import ConfigError
+from ludus.settings.merging import lay_over, policy_settings, read_file, to_plain
+from ludus.settings.policy_config import ALGORITHM_CONFIGS
+from ludus.settings.train_config import Phase, PolicyConfig, TrainConfig
 from ludus.spec import PolicySpec
-from ludus.train.config import Phase, PolicyConfig, TrainConfig
-from ludus.train.layers import lay_over, policy_settings, read_file, to_plain
-from ludus.train.policy_config import ALGORITHM_CONFIGS
 
 __all__ = ["COMMAND", "TrainCommand", "parse", "run"]
 
@@ -65,7 +65,7 @@ def parse(arguments: Sequence[str]) -> TrainCommand:
     first = _parse(arguments, TrainCommand(), is_final=False)
     base = TrainCommand()
     if first.resume is not None:
-        from ludus.train.run_folder import RunFolder
+        from ludus.runs.run_folder import RunFolder
 
         folder = RunFolder.find(first.resume)
         base = replace(_as_command(folder.read_config()), resume=folder.path)
@@ -80,7 +80,7 @@ def parse(arguments: Sequence[str]) -> TrainCommand:
 def run(command: TrainCommand) -> int:
     """Train; return 0, or 128 plus the signal that stopped it."""
     from ludus.cli.live import reporter_for
-    from ludus.train.loop import train
+    from ludus.training.loop import train
 
     with reporter_for(sys.stderr) as reporter:
         result = train(
@@ -152,7 +152,7 @@ def _untyped_settings(
     file = read_file(command.config) if command.config else {}
     if command.resume is None:
         return policy_settings(TrainConfig(), policy, file, algorithm)
-    from ludus.train.run_folder import RunFolder
+    from ludus.runs.run_folder import RunFolder
 
     saved = RunFolder.find(command.resume).read_config().policies.get(policy.name)
     before = replace(policy, settings={} if saved is None else to_plain(saved))

@@ -5,10 +5,11 @@ This layer knows processes and projects on disk; it knows nothing of observation
 
 from ludus.engine.affinity import (
     CorePlan,
+    ReservedCores,
     allowed_cores,
-    pin_current_process,
     pinned_to,
     plan_cores,
+    reserve_cores,
 )
 from ludus.engine.doctor import Finding, FindingStatus, doctor
 from ludus.engine.export_game import export_game
@@ -30,7 +31,7 @@ from ludus.engine.launch import (
     executable_command,
     godot_command,
 )
-from ludus.engine.process import EngineProcess, terminate_all
+from ludus.engine.process import EngineProcess
 from ludus.engine.project import Project, find_project, read_project, scene_path
 from ludus.engine.screen import find_xvfb, has_screen, with_display
 from ludus.engine.target import Target, TargetKind, resolve_target
@@ -48,6 +49,7 @@ __all__ = [
     "InstalledEngine",
     "LaunchConfig",
     "Project",
+    "ReservedCores",
     "Target",
     "TargetKind",
     "allowed_cores",
@@ -67,13 +69,12 @@ __all__ = [
     "list_engines",
     "matching_template",
     "needs_import",
-    "pin_current_process",
     "pinned_to",
     "plan_cores",
     "read_project",
+    "reserve_cores",
     "resolve_target",
     "scene_path",
     "search_engines",
-    "terminate_all",
     "with_display",
 ]

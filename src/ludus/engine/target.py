@@ -22,7 +22,7 @@ __all__ = ["BRIDGE_PREFIXES", "DEFAULT_PORT", "PLAY", "Target", "TargetKind", "r
 DEFAULT_PORT = 11011
 PLAY = "play"
 BRIDGE_PREFIXES = ("godot_gym_api:", "gymgodot:", "http://")
-"""How targets begin that are games of older bridges, which `ludus.dialects` opens."""
+"""How targets begin that are games of older bridges, which `ludus.legacy` opens."""
 
 _ADDRESS = re.compile(r"^(?:\[(?P<v6>[0-9a-fA-F:.]+)\]|(?P<host>[\w.-]+)):(?P<port>\d{1,5})$")
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.batch import ActionBatch
 from ludus.errors import UsageError
 from ludus.model.checking import check_model
 from ludus.model.layers import advance_gru, apply_linear, image_features, normalise
 from ludus.model.policy_model import PolicyModel, is_image
+from ludus.spec.batch import ActionBatch
 
 __all__ = ["ModelRunner"]
 

@@ -13,11 +13,12 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.batch import ActionBatch, Batch, Batches, StepTimes
-from ludus.batch_rows import action_reader, clear_outcome, write_finals, write_state
 from ludus.errors import SequenceError, TargetError
-from ludus.gymnasium_spec import read_action, read_observation
+from ludus.folder_imports import look_in_current_folder
 from ludus.spec import AgentSpec, PolicySpec, Spec
+from ludus.spec.batch import ActionBatch, Batch, Batches, StepTimes
+from ludus.spec.batch_rows import action_reader, clear_outcome, write_finals, write_state
+from ludus.spec.gymnasium_spec import read_action, read_observation
 
 __all__ = ["GymnasiumPool"]
 
@@ -191,6 +192,7 @@ class GymnasiumPool:
 
 
 def _make(env_id: str, max_episode_steps: int | None) -> GymEnv:
+    look_in_current_folder(env_id.rpartition(":")[0])
     try:
         return gymnasium.make(env_id, max_episode_steps=max_episode_steps, disable_env_checker=True)
     except (gymnasium.error.Error, ImportError) as error:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
-from ludus.batch import ActionBatch, Batches, StepTimes
 from ludus.spec import PolicySpec, Spec
+from ludus.spec.batch import ActionBatch, Batches, StepTimes
 
 __all__ = ["Pool"]
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ludus.errors import ConfigError, TargetError
+from ludus.folder_imports import look_in_current_folder
 from ludus.pool.gymnasium_pool import GymnasiumPool
 from ludus.pool.interface import Pool
 from ludus.record.film import Film, Frame
@@ -32,6 +33,7 @@ def make_rendering(env_id: str, max_episode_steps: int | None) -> GymEnv:
     Raises:
         TargetError: There is no such environment, or it does not render to arrays.
     """
+    look_in_current_folder(env_id.rpartition(":")[0])
     try:
         return gymnasium.make(
             env_id,

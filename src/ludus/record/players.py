@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.batch import ActionBatch, Batch, Batches
-from ludus.check.random_actions import RandomActions
 from ludus.errors import ConfigError
 from ludus.model import ModelRunner, read_model
+from ludus.play.random_actions import RandomActions
 from ludus.pool.interface import Pool
+from ludus.spec.batch import ActionBatch, Batch, Batches
 
 __all__ = ["Act", "file_player", "find_run", "random_player", "run_player"]
 
@@ -43,9 +43,9 @@ def run_player(pool: Pool, run: Path, seed: int, *, is_stochastic: bool) -> Act:
     Raises:
         CheckpointError: The run has no checkpoint, or was trained for something else.
     """
-    from ludus.train.evaluation import seeded_generator
-    from ludus.train.policy import Player
-    from ludus.train.saved import load_policies
+    from ludus.networks.policy import Player
+    from ludus.play.evaluation import seeded_generator
+    from ludus.runs.saved import load_policies
 
     players = {
         name: Player(

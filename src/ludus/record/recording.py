@@ -123,7 +123,7 @@ def _with_run(config: RecordConfig) -> RecordConfig:
     run = find_run(config.policy[0]) if len(config.policy) == 1 else None
     if run is None:
         return config
-    from ludus.train.run_folder import RunFolder
+    from ludus.runs.run_folder import RunFolder
 
     trained = RunFolder.find(run).read_config()
     return replace(

@@ -6,7 +6,6 @@ import contextlib
 from collections.abc import Generator, Mapping, Sequence
 from typing import Any, ClassVar
 
-from ludus.batch import ActionBatch, Batches, StepTimes
 from ludus.errors import (
     EngineStartError,
     EngineTimeout,
@@ -22,6 +21,7 @@ from ludus.link import Link, LinkClosed
 from ludus.session.finite import check_finite
 from ludus.session.supervision import Supervision
 from ludus.spec import PolicySpec, Spec
+from ludus.spec.batch import ActionBatch, Batches, StepTimes
 from ludus.wire.error_report import error_report
 from ludus.wire.frames import FrameType, decode_json, encode_frame, encode_json
 from ludus.wire.handshake import EngineConfig, Hello, welcome
@@ -245,11 +245,6 @@ class EngineSession:
         """
         if REQUESTS in self._hello.capabilities:
             self.call(BRIDGE, "show_status", [dict(status)])
-
-    def ping(self, payload: bytes = b"") -> bytes:
-        """Send bytes and wait until they come back."""
-        self._send(FrameType.PING, encode_frame(FrameType.PING, payload))
-        return self._receive()
 
     def fail(self, error: LudusError) -> None:
         """Tell the game why the conversation ends, and end it; without effect once it has ended."""

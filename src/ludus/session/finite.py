@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.batch import Batch, Batches
 from ludus.errors import GameError
 from ludus.spec import AgentSpec, PolicySpec
+from ludus.spec.batch import Batch, Batches
 
 __all__ = ["check_finite"]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ludus.batch import Batches
 from ludus.errors import UsageError
 from ludus.session.engine_session import BRIDGE, EngineSession
+from ludus.spec.batch import Batches
 from ludus.wire.requests import CAPABILITY as REQUESTS
 from ludus.wire.reset import ResetRequest
 from ludus.wire.training import CAPABILITY as GUIDED

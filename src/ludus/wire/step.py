@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.batch import ActionBatch, Batch, Batches, StepTimes
 from ludus.errors import ActionError, ProtocolError
 from ludus.spec import PolicySpec, Spec
+from ludus.spec.batch import ActionBatch, Batch, Batches, StepTimes
 from ludus.wire.frames import HEADER, HEADER_BYTES, FrameType, padded
 
 __all__ = ["BatchDecoder", "StepEncoder", "max_batch_bytes"]

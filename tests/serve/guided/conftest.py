@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 import torch
 
+from ludus.runs.checkpoint import Checkpoint
+from ludus.runs.run_folder import RunFolder
 from ludus.serve.guided.serving import GuidedConfig, serve_guided
-from ludus.train.checkpoint import Checkpoint
-from ludus.train.run_folder import RunFolder
 from tests.serve.guided.game import DEADLINE_S, Game
 
 

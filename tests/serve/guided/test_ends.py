@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from ludus.errors import DivergenceError, EngineStartError, GameError, LudusError, SetupError
-from ludus.train.run_folder import RunFolder
-from ludus.train.run_list import list_runs
+from ludus.runs.run_folder import RunFolder
+from ludus.runs.run_list import list_runs
 from tests.serve.guided.conftest import Running, Start
 from tests.serve.guided.game import DEADLINE_S, small_spec
 from tests.serve.guided.test_guidance import await_result

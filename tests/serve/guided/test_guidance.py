@@ -10,10 +10,10 @@ import pytest
 import torch
 
 from ludus.model import read_model
-from ludus.train.checkpoint import Checkpoint
-from ludus.train.control import SetMode, send_request
-from ludus.train.run_folder import RunFolder
-from ludus.train.tensors import as_tensor
+from ludus.networks.tensors import as_tensor
+from ludus.runs.checkpoint import Checkpoint
+from ludus.runs.control import SetMode, send_request
+from ludus.runs.run_folder import RunFolder
 from tests.serve.guided.conftest import Running, Start
 from tests.serve.guided.game import CAPABILITIES, EPISODE_STEPS, small_spec
 

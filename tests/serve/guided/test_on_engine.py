@@ -17,9 +17,9 @@ import torch
 
 from ludus.engine import EngineKind
 from ludus.model import read_model
-from ludus.train.checkpoint import Checkpoint
-from ludus.train.run_folder import RunFolder
-from ludus.train.tensors import as_tensor
+from ludus.networks.tensors import as_tensor
+from ludus.runs.checkpoint import Checkpoint
+from ludus.runs.run_folder import RunFolder
 from tests.serve.guided.conftest import Running
 from tests.serve.guided.godot_game import DEADLINE_S, NUM_WORLDS, GodotGame, make_project
 from tests.serve.guided.test_door import BUSY, Stranger

@@ -23,8 +23,8 @@ from ludus.engine import (
     godot_command,
     read_project,
 )
-from ludus.train.metrics import read_metrics
-from ludus.train.run_folder import RunFolder
+from ludus.runs.metrics import read_metrics
+from ludus.runs.run_folder import RunFolder
 from tests.serve.guided import godot3_game
 from tests.serve.guided.godot_game import make_project, texts
 

@@ -10,15 +10,15 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from ludus.algorithms.learner import LearnerSettings
+from ludus.algorithms.learners import policy_seed
+from ludus.algorithms.replay import Sample
+from ludus.algorithms.sac import LOSS_METRICS, MAX_STEPS_AT_ONCE, SAC
 from ludus.errors import ConfigError
+from ludus.networks.policy import Policy
+from ludus.networks.tensors import as_tensor
+from ludus.settings.train_config import SACConfig
 from ludus.spec import AgentSpec, ContinuousAction, ObservationEntry, PolicySpec
-from ludus.train.config import SACConfig
-from ludus.train.learner import LearnerSettings
-from ludus.train.learners import policy_seed
-from ludus.train.policy import Policy
-from ludus.train.replay import Sample
-from ludus.train.sac import LOSS_METRICS, MAX_STEPS_AT_ONCE, SAC
-from ludus.train.tensors import as_tensor
 
 __all__ = ["ENTRY", "Agent", "AgentSettings"]
 

@@ -10,12 +10,12 @@ from types import MappingProxyType
 import torch
 
 from ludus.errors import CheckpointError, DivergenceError, LudusError
+from ludus.export.convert import to_model
 from ludus.model.json_file import write_model
+from ludus.networks.tensors import to_numbers
 from ludus.serve.godot_ai.agent import Agent, AgentSettings
 from ludus.serve.godot_ai.checkpoints import AgentCheckpoints
 from ludus.serve.godot_ai.project_files import ProjectFiles
-from ludus.train.export.convert import to_model
-from ludus.train.tensors import to_numbers
 
 __all__ = ["Agents"]
 

@@ -21,16 +21,16 @@ from typing import Any
 
 from ludus.disk import disk_errors
 from ludus.errors import CheckpointError
-from ludus.serve.godot_ai.agent import Agent
-from ludus.train.checkpoint import (
+from ludus.runs.checkpoint import (
     Checkpoint,
     CheckpointStore,
     check_spec,
     write_checkpoint,
 )
-from ludus.train.config import TrainConfig
-from ludus.train.layers import to_plain
-from ludus.train.run_folder import RunFolder
+from ludus.runs.run_folder import RunFolder
+from ludus.serve.godot_ai.agent import Agent
+from ludus.settings.merging import to_plain
+from ludus.settings.train_config import TrainConfig
 
 __all__ = ["AgentCheckpoints"]
 
@@ -91,7 +91,7 @@ class AgentCheckpoints:
             CheckpointError: None can be loaded, or it is of another agent; ``agent`` is useless
                 then.
         """
-        path, checkpoint = self._store(name).newest()
+        path, checkpoint = self._store(name).newest(set_aside=True)
         if len(checkpoint.learners) != 1:
             raise CheckpointError(f"{path} has {len(checkpoint.learners)} agents, expected one")
         (saved,) = checkpoint.learners

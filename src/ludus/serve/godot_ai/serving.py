@@ -11,11 +11,11 @@ import torch
 
 from ludus.engine.locks import LockHeld, file_lock
 from ludus.errors import RunError, TargetError
+from ludus.networks.device import choose_device
 from ludus.serve.godot_ai.agents import Agents
 from ludus.serve.godot_ai.dialect import GodotAi
 from ludus.serve.godot_ai.project_files import ProjectFiles
 from ludus.serve.godot_ai.server import Server, ServerConfig
-from ludus.train.device import choose_device
 
 __all__ = ["ServeConfig", "serve"]
 

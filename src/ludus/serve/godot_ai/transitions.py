@@ -10,11 +10,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from ludus.algorithms.replay import Sample
 from ludus.errors import GameError, LudusError
+from ludus.networks.tensors import as_tensor
 from ludus.serve.godot_ai.agent import ENTRY, Agent
 from ludus.serve.godot_ai.fields import Fields, as_finite, as_numbers, short
-from ludus.train.replay import Sample
-from ludus.train.tensors import as_tensor
 
 __all__ = ["Submitted", "read_replays"]
 

@@ -11,18 +11,18 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
+from ludus.algorithms.learner import Learner
+from ludus.algorithms.learners import make_learners
 from ludus.disk import disk_errors
 from ludus.errors import CheckpointError, DivergenceError, RunError
 from ludus.pool.interface import Pool
-from ludus.train.checkpoint import Checkpoint
-from ludus.train.config import TrainConfig
-from ludus.train.curve import draw_learning_curve
-from ludus.train.learner import Learner
-from ludus.train.learners import make_learners
-from ludus.train.loop import complete, log_file, write_result
-from ludus.train.metrics import MetricsLog
-from ludus.train.run_folder import RunFolder
-from ludus.train.trainer import Trainer
+from ludus.runs.checkpoint import Checkpoint
+from ludus.runs.curve import draw_learning_curve
+from ludus.runs.metrics import MetricsLog
+from ludus.runs.run_folder import RunFolder
+from ludus.settings.train_config import TrainConfig
+from ludus.training.loop import complete, log_file, write_result
+from ludus.training.trainer import Trainer
 
 __all__ = ["GameRun", "game_config", "opened_run"]
 
@@ -164,7 +164,7 @@ def _resumed(config: TrainConfig, pool: Pool, folder: RunFolder) -> GameRun | No
     store.clean()
     if not store.paths():
         return None
-    path, checkpoint = store.newest(has_replay=True)
+    path, checkpoint = store.newest(has_replay=True, set_aside=True)
     _check_fit(checkpoint, config, pool, path)
     config = replace(config, seed=checkpoint.config.get("seed"))
     message = f"{folder.path.name} goes on at {checkpoint.agent_steps} steps"

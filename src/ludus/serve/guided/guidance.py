@@ -12,12 +12,11 @@ from typing import Any, Literal
 
 from ludus.disk import disk_errors
 from ludus.errors import LudusError, UsageError
+from ludus.export.convert import to_model
+from ludus.export.places import place_files
 from ludus.model.json_file import write_model
 from ludus.pool.interface import Pool
-from ludus.serve.guided.game_run import GameRun
-from ludus.serve.guided.rounds import play_round
-from ludus.session import GuidedSession
-from ludus.train.control import (
+from ludus.runs.control import (
     PlayRound,
     Request,
     SaveRequest,
@@ -28,9 +27,11 @@ from ludus.train.control import (
     parse_request,
     take_requests,
 )
-from ludus.train.export.convert import to_model
-from ludus.train.export.places import place_files
-from ludus.train.progress import SilentReporter, StopReason
+from ludus.runs.run_list import StopReason
+from ludus.serve.guided.game_run import GameRun
+from ludus.serve.guided.rounds import play_round
+from ludus.session import GuidedSession
+from ludus.training.progress import SilentReporter
 
 __all__ = ["Game", "Guidance", "State"]
 
@@ -61,7 +62,7 @@ class Game:
 class Guidance:
     """Does for one game what it asks for, and tells it how that goes.
 
-    It is the trainer's :class:`~ludus.train.attendant.Attendant`, too. A game that does not guide
+    It is the trainer's :class:`~ludus.training.callback.Attendant`, too. A game that does not guide
     its training is trained from the start until it says stop.
 
     Args:

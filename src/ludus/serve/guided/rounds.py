@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from ludus.networks.policy import Player, Policy
+from ludus.play.evaluation import Quota
 from ludus.pool.interface import Pool
-from ludus.train.evaluation import Quota
-from ludus.train.policy import Player, Policy
 
 __all__ = ["RoundScore", "play_round"]
 

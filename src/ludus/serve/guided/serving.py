@@ -13,6 +13,7 @@ import torch
 
 from ludus.disk import disk_errors
 from ludus.errors import EngineCrashed, EngineStartError, LudusError
+from ludus.networks.device import choose_device
 from ludus.pool.engine_pool import EnginePool
 from ludus.pool.opening import spin_us_beside
 from ludus.serve.guided.door import Door, Visitor
@@ -20,8 +21,7 @@ from ludus.serve.guided.game_run import game_config, opened_run
 from ludus.serve.guided.guidance import Game, Guidance
 from ludus.session import GuidedSession
 from ludus.session.supervision import Supervision
-from ludus.train.config import TrainConfig
-from ludus.train.device import choose_device
+from ludus.settings.train_config import TrainConfig
 from ludus.wire.handshake import EngineConfig
 
 __all__ = ["GuidedConfig", "serve_guided"]

@@ -1,0 +1,29 @@
+"""Put the Ludus add-on into a Godot project."""
+
+from ludus.addon.installing import (
+    ADDON_PATH,
+    CLASSIC_PATH,
+    MANIFEST_NAME,
+    PLUGIN,
+    AddonChange,
+    AddonStatus,
+    addon_status,
+    install_addon,
+    install_folder,
+    read_project_file,
+    write_project_file,
+)
+
+__all__ = [
+    "ADDON_PATH",
+    "CLASSIC_PATH",
+    "MANIFEST_NAME",
+    "PLUGIN",
+    "AddonChange",
+    "AddonStatus",
+    "addon_status",
+    "install_addon",
+    "install_folder",
+    "read_project_file",
+    "write_project_file",
+]

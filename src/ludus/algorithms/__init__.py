@@ -1,0 +1,1 @@
+"""PPO and SAC, and what they learn from: rollouts and replay buffers."""

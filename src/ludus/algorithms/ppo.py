@@ -1,0 +1,477 @@
+"""Proximal policy optimisation (Schulman et al. 2017, arXiv:1707.06347), to be read from the top.
+
+A rollout of ``rollout_steps`` steps of all agents is collected with one network. Nothing but
+actions is computed meanwhile: log-probabilities and values of the whole rollout are computed in
+one batch when it is complete, which keeps each step short. Observation statistics change after
+the update, so that both see the same numbers.
+
+With ``overlap`` the gradient steps on one rollout are taken one by one while engines simulate the
+next, which a copy of the network as it was before collects.
+"""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ludus.algorithms.adam import Adam, learning_rate_at
+from ludus.algorithms.advantage import generalised_advantage
+from ludus.algorithms.learner import NUM_SAMPLES, LearnerSettings, LearnerState, refuse_divergence
+from ludus.algorithms.ppo_losses import approximate_kl, clipped_surrogate, value_loss
+from ludus.algorithms.recurrence import Sequences, cut_into_sequences, run_memory
+from ludus.algorithms.rollout import Rollout
+from ludus.networks.device import mixed_precision
+from ludus.networks.load_tensors import load_tensors
+from ludus.networks.networks import Inputs, perceptron
+from ludus.networks.normalise import RewardScaler
+from ludus.networks.policy import Policy
+from ludus.networks.tensors import as_tensor, as_tensors, to_numbers
+from ludus.settings.policy_config import PPOConfig
+from ludus.spec.batch import ActionBatch, Batch
+
+__all__ = ["PPO", "Transitions"]
+
+ADAM_EPSILON = 1e-5
+LOSS_METRICS: tuple[str, ...] = (
+    "policy_loss",
+    "value_loss",
+    "entropy",
+    "approximate_kl",
+    "clip_fraction",
+    "grad_norm",
+)
+
+
+@dataclass(frozen=True)
+class Transitions:
+    """``n`` transitions to learn from; all slots that were active.
+
+    Attributes:
+        inputs: What was observed.
+        discrete: ``int64[n, d]``.
+        continuous: ``float32[n, c]``, as sampled.
+        mask: ``bool[n, mask_size]``, None without masks.
+        log_prob: ``float32[n]``, of the action when it was taken.
+        value: ``float32[n]``, V of the state when the action was taken.
+        advantage: ``float32[n]``.
+        target: ``float32[n]``, what the value should have been.
+        sequences: With a memory, how the rows follow each other; inactive slots are then among
+            them. None without a memory.
+    """
+
+    inputs: Inputs
+    discrete: Tensor
+    continuous: Tensor
+    mask: Tensor | None
+    log_prob: Tensor
+    value: Tensor
+    advantage: Tensor
+    target: Tensor
+    sequences: Sequences | None = None
+
+    def rows(self, index: Tensor | slice) -> Transitions:
+        """Return a copy of some of the transitions, or a view for a slice."""
+        return Transitions(
+            self.inputs.rows(index),
+            self.discrete[index],
+            self.continuous[index],
+            None if self.mask is None else self.mask[index],
+            self.log_prob[index],
+            self.value[index],
+            self.advantage[index],
+            self.target[index],
+        )
+
+    def __len__(self) -> int:
+        return len(self.log_prob)
+
+
+class PPO:
+    """Trains one policy by PPO; a :class:`~ludus.algorithms.learner.Learner`."""
+
+    def __init__(self, policy: Policy, config: PPOConfig, settings: LearnerSettings) -> None:
+        self.policy = policy
+        self.config = config
+        self._device = policy.device
+        self._is_mixed = settings.is_mixed
+        sizes = (
+            config.hidden_sizes
+            if config.critic_hidden_sizes is None
+            else config.critic_hidden_sizes
+        )
+        self._critic = perceptron((policy.feature_size, *sizes, 1), config.activation, 1.0)
+        self._critic.to(self._device)
+        parameters = itertools.chain(policy.parameters(), self._critic.parameters())
+        self._optimiser = Adam(parameters, ADAM_EPSILON)
+        self._collector = copy.deepcopy(policy) if config.overlap else policy
+        self._forward = cast(
+            Callable[[Inputs, Sequences | None], tuple[Tensor, Tensor]],
+            cast(Any, torch).compile(self._outputs) if settings.is_compiled else self._outputs,
+        )
+        self._learning_rate = config.learning_rate
+        self._rows = settings.engine_rows
+        self._rollout = Rollout(policy.spec, config.rollout_steps, self._rows)
+        num_agents = self._rollout.num_agents
+        self._scaler = RewardScaler(num_agents, config.discount).to(self._device)
+        self._generator = torch.Generator(self._device).manual_seed(settings.seed)
+        shape = (config.rollout_steps, num_agents, policy.head.num_noise)
+        self._noise = torch.zeros(shape, device=self._device)
+        self._engine_noise = [[step[rows] for step in self._noise] for rows in self._rows]
+        self._has_noise = False
+        self._steps = [0] * len(self._rows)
+        self._memory = torch.zeros(num_agents, policy.memory_size, device=self._device)
+        self._first_memory = self._memory.clone()
+        self._pending: Iterator[None] = iter(())
+        self._steps_per_call = 0.0
+        self._steps_owed = 0.0
+        self._losses: dict[str, float] = {}
+        self._samples: dict[str, Tensor] = {}
+
+    # --- collecting -----------------------------------------------------------------------------
+
+    @property
+    def num_steps_left(self) -> int:
+        """Steps of every engine until the next update."""
+        return self.config.rollout_steps - min(self._steps)
+
+    def begin(self, engine: int, batch: Batch) -> None:
+        """Take the first observations of an engine that was reset; drops unfinished rollouts."""
+        self._steps[engine] = 0
+        self._rollout.forget()
+        self._scaler.forget()
+        self._memory[self._rows[engine]] = 0.0
+        self._first_memory.copy_(self._memory)
+        self._rollout.views[engine][0].write_state(batch)
+
+    @torch.inference_mode()
+    def act(self, engine: int) -> ActionBatch:
+        """Return actions for the last observations; views that the next rollout overwrites."""
+        if not self._has_noise:
+            self.policy.head.fill_noise(self._noise, self._generator)
+            self._has_noise = True
+        step = self._steps[engine]
+        view, device, policy = self._rollout.views[engine][step], self._device, self._collector
+        is_on_cpu = device.type == "cpu"
+        tensors = view.tensors if is_on_cpu else as_tensors(view.observation, device)
+        mask = as_tensor(view.mask, device) if self._rollout.has_mask else None
+        state = self._memory[self._rows[engine]] if policy.memory_size else None
+        outputs, state = policy.act_on(policy.encoder(tensors), state)
+        if state is not None:
+            self._memory[self._rows[engine]] = state
+        noise = self._engine_noise[engine][step]
+        discrete, continuous = policy.head.sample(outputs, noise, mask)
+        view.discrete[...] = discrete.cpu().numpy()
+        if not policy.head.size:
+            return ActionBatch(view.discrete, view.continuous)
+        view.continuous[...] = continuous.cpu().numpy()
+        return ActionBatch(view.discrete, policy.head.to_bounds(continuous).cpu().numpy())
+
+    def record(self, engine: int, batch: Batch) -> None:
+        """Take the outcome of the last actions, and the observations to act on next."""
+        step = self._steps[engine]
+        views = self._rollout.views[engine]
+        views[step].write_outcome(batch)
+        views[step + 1].write_state(batch)
+        if len(batch.final_index):
+            self._rollout.add_finals(engine, step, batch)
+        if self.policy.memory_size:
+            goes_on = views[step].is_active & ~(batch.terminated | batch.truncated)
+            keep = as_tensor(goes_on, self._device).unsqueeze(1)
+            self._memory[self._rows[engine]] *= keep
+        self._steps[engine] = step + 1
+
+    # --- learning -------------------------------------------------------------------------------
+
+    def update(self, progress: float) -> dict[str, float]:
+        """Learn from the rollout, then begin the next where it ended.
+
+        With ``overlap``, finish learning from the rollout before instead, and leave this one to
+        :meth:`learn_meanwhile`.
+        """
+        self._finish()
+        losses, self._losses = self._losses, {}
+        self._learning_rate = learning_rate_at(progress, self.config)
+        transitions = self._transitions()
+        self._take_samples()
+        if self.config.overlap:
+            self._collector.load_state_dict(self.policy.state_dict())
+            transitions = self._own(transitions)
+        self._begin_learning(transitions)
+        if not self.config.overlap:
+            self._finish()
+            losses, self._losses = self._losses, {}
+        self._take_statistics()
+        self._restart()
+        losses["learning_rate"] = self._learning_rate
+        losses["num_transitions"] = float(len(transitions))
+        if self.policy.head.log_std is not None and self.policy.head.size:
+            losses["action_std"] = float(self.policy.head.log_std.detach().exp().mean())
+        return losses
+
+    def learn_meanwhile(self) -> None:
+        """Take the gradient steps that are due while engines simulate; only with ``overlap``."""
+        self._steps_owed += self._steps_per_call
+        while self._steps_owed >= 1.0:
+            self._steps_owed -= 1.0
+            next(self._pending, None)
+
+    def _begin_learning(self, transitions: Transitions) -> None:
+        if not len(transitions):
+            return
+        self._pending = self._optimise(transitions)
+        num_parts = math.ceil(len(transitions) / self.config.minibatch_size)
+        num_calls = self.config.rollout_steps * len(self._rows)
+        self._steps_per_call = self.config.epochs * num_parts / num_calls
+        self._steps_owed = 0.0
+
+    def _finish(self) -> None:
+        for _ in self._pending:
+            pass
+
+    def _restart(self) -> None:
+        self._rollout.restart()
+        self._first_memory.copy_(self._memory)
+        self._has_noise = False
+        self._steps = [0] * len(self._steps)
+
+    def _optimise(self, transitions: Transitions) -> Iterator[None]:
+        """Take gradient steps on the clipped objective, equation 9 of the paper, one at a time."""
+        target_kl, num_epochs = self.config.target_kl, 0
+        losses: dict[str, float] = {}
+        for _ in range(self.config.epochs):
+            steps: list[Tensor] = []
+            for part in self._minibatches(transitions):
+                steps.append(self._gradient_step(part))
+                yield
+            means = to_numbers(torch.stack(steps).mean(0))
+            losses = dict(zip(LOSS_METRICS, means, strict=True))
+            refuse_divergence(self.policy.spec.name, losses)
+            num_epochs += 1
+            if target_kl is not None and losses["approximate_kl"] > target_kl:
+                break
+        residual = (transitions.target - transitions.value).var(correction=0)
+        spread = transitions.target.var(correction=0).clamp(min=1e-12)
+        losses["explained_variance"] = float(1 - residual / spread)
+        losses["num_epochs"] = float(num_epochs)
+        self._losses = losses
+
+    def _gradient_step(self, batch: Transitions) -> Tensor:
+        """Move the parameters once; return ``LOSS_METRICS``."""
+        config = self.config
+        with mixed_precision(self._device, self._is_mixed):
+            outputs, value = self._forward(batch.inputs, batch.sequences)
+        outputs, value = outputs.float(), value.float()
+        if batch.sequences is not None:
+            is_valid = batch.sequences.is_valid
+            outputs, value, batch = outputs[is_valid], value[is_valid], batch.rows(is_valid)
+        log_prob, entropy = self.policy.head.evaluate(
+            outputs, batch.discrete, batch.continuous, batch.mask
+        )
+        log_ratio = log_prob - batch.log_prob
+        advantage = batch.advantage
+        if config.normalise_advantage and len(batch) > 1:
+            advantage = (advantage - advantage.mean()) / (advantage.std(correction=0) + 1e-8)
+
+        policy_loss = -clipped_surrogate(log_ratio, advantage, config.clip_range).mean()
+        loss_value = value_loss(value, batch.target, batch.value, config.value_clip_range)
+        mean_entropy = entropy.mean()
+        loss = (
+            policy_loss
+            + config.value_coefficient * loss_value
+            - config.entropy_coefficient * mean_entropy
+        )
+        self._optimiser.zero_gradients()
+        cast(Any, loss).backward()
+        grad_norm = self._optimiser.shorten_gradients(config.max_grad_norm)
+        self._optimiser.step(self._learning_rate)
+
+        with torch.no_grad():
+            kl = approximate_kl(log_ratio)
+            is_clipped = (log_ratio.expm1().abs() > config.clip_range).float().mean()
+            return torch.stack([policy_loss, loss_value, mean_entropy, kl, is_clipped, grad_norm])
+
+    def _outputs(self, inputs: Inputs, sequences: Sequences | None) -> tuple[Tensor, Tensor]:
+        """Return the actor's outputs and the values of some transitions."""
+        features = self.policy.features(inputs)
+        if sequences is not None:
+            features = run_memory(self.policy, features, sequences.start, sequences.keep)[1]
+        return self.policy.actor(features), self.value(features)
+
+    def value(self, features: Tensor) -> Tensor:
+        """Return the critic's values, ``float32[n]``, in the units of scaled rewards."""
+        return self._critic(features).squeeze(-1)
+
+    def _minibatches(self, transitions: Transitions) -> Iterator[Transitions]:
+        """Yield all transitions once, in random order, in parts of nearly equal size."""
+        if transitions.sequences is not None:
+            yield from self._sequence_minibatches(transitions, transitions.sequences)
+            return
+        order = torch.randperm(len(transitions), generator=self._generator, device=self._device)
+        shuffled = transitions.rows(order)
+        num_parts = math.ceil(len(order) / self.config.minibatch_size)
+        for part in equal_parts(len(order), num_parts):
+            yield shuffled.rows(part)
+
+    def _sequence_minibatches(
+        self, transitions: Transitions, sequences: Sequences
+    ) -> Iterator[Transitions]:
+        """Yield all sequences once, in random order; steps of a sequence stay together."""
+        order = torch.randperm(len(sequences), generator=self._generator, device=self._device)
+        num_parts = math.ceil(len(transitions) / self.config.minibatch_size)
+        for part in equal_parts(len(order), min(num_parts, len(order))):
+            chosen = sequences.choose(order[part])
+            if bool(chosen.is_valid.any()):
+                yield replace(transitions.rows(chosen.rows), sequences=chosen)
+
+    @torch.no_grad()
+    def _transitions(self) -> Transitions:
+        """Compute values, log-probabilities and advantages of the rollout; drop inactive slots."""
+        rollout, num_steps, device = self._rollout, self._rollout.num_steps, self._device
+        inputs = self._collector.encoder(_flat(rollout.observation, device))
+        features = self._collector.features(inputs)
+        states = before = None
+        if self.policy.memory_size:
+            keep = self._keep()
+            states, features = run_memory(self._collector, features, self._first_memory, keep)
+            before = torch.cat([self._first_memory.unsqueeze(0), states[:-1]])
+        value = self.value(features).view(num_steps + 1, -1)
+        num_actions = num_steps * rollout.num_agents
+        discrete = as_tensor(rollout.discrete, device).flatten(0, 1)
+        continuous = as_tensor(rollout.continuous, device).flatten(0, 1)
+        mask = None
+        if rollout.has_mask:
+            mask = as_tensor(rollout.mask[:-1], device).flatten(0, 1)
+        outputs = self._collector.actor(features[:num_actions])
+        log_prob, _ = self.policy.head.evaluate(outputs, discrete, continuous, mask)
+
+        advantage = self._advantage(value, states)
+        value = value[:-1]
+        transitions = Transitions(
+            inputs.rows(slice(0, num_actions)), discrete, continuous, mask, log_prob,
+            value.flatten(), advantage.flatten(), (advantage + value).flatten(),
+        )  # fmt: skip
+        is_valid = as_tensor(rollout.is_active[:-1], device)
+        if before is not None:
+            length = min(self.config.sequence_length, num_steps)
+            sequences = cut_into_sequences(before[:-1], self._keep()[:-1], is_valid, length)
+            return replace(transitions, sequences=sequences)
+        is_valid = is_valid.flatten()
+        return transitions if bool(is_valid.all()) else transitions.rows(is_valid.nonzero()[:, 0])
+
+    def _keep(self) -> Tensor:
+        """Return ``bool[steps + 1, agents]``, whether a slot remembers the step before."""
+        rollout = self._rollout
+        goes_on = rollout.is_active[:-1] & ~(rollout.terminated | rollout.truncated)
+        first = np.ones((1, rollout.num_agents), np.bool_)  # forgotten already, where it must be
+        return as_tensor(np.concatenate([first, goes_on]), self._device)
+
+    def _advantage(self, value: Tensor, states: Tensor | None) -> Tensor:
+        """Return ``float32[steps, agents]``, given values ``float32[steps + 1, agents]``.
+
+        A truncated episode goes on, unseen: its next value is that of the final observation, or of
+        the last one seen if the engine vanished without giving one.
+        """
+        rollout, device = self._rollout, self._device
+        is_active = as_tensor(rollout.is_active, device)
+        terminated, truncated = (
+            as_tensor(rollout.terminated, device),
+            as_tensor(rollout.truncated, device),
+        )
+        # A slot that falls silent without an end has no next state to take a value from.
+        has_ended = terminated | ~(is_active[1:] | truncated)
+        next_value = torch.where(truncated, value[:-1], value[1:])
+        finals = rollout.finals()
+        if finals is not None:
+            inputs = self._collector.encoder(as_tensors(finals.observation, device))
+            step, slot = as_tensor(finals.step, device), as_tensor(finals.slot, device)
+            features = self._collector.features(inputs)
+            if states is not None:
+                features = self._collector.remember(features, states[step, slot])
+            next_value[step, slot] = self.value(features)
+        next_value.masked_fill_(has_ended, 0.0)
+        is_done = has_ended | truncated
+        reward = as_tensor(rollout.reward, device)
+        if self.config.scale_reward:
+            reward = self._scaler.scale(reward, is_active[:-1], is_done)
+        discounts = (self.config.discount, self.config.gae_lambda)
+        return generalised_advantage(reward, value[:-1], next_value, is_done, discounts)
+
+    def _own(self, transitions: Transitions) -> Transitions:
+        """Return a copy that the next rollout does not overwrite."""
+        every = torch.arange(len(transitions), device=self._device)
+        return replace(transitions.rows(every), sequences=transitions.sequences)
+
+    def _take_statistics(self) -> None:
+        for policy in {id(each): each for each in (self.policy, self._collector)}.values():
+            if policy.encoder.normaliser is None:
+                return
+            is_active = self._rollout.is_active[:-1]
+            seen = {
+                name: array[:-1][is_active] for name, array in self._rollout.observation.items()
+            }
+            policy.encoder.normaliser.update(policy.encoder.join(as_tensors(seen, self._device)))
+
+    def _take_samples(self) -> None:
+        """Keep some of what was observed, for the parity test of exported policies."""
+        flat = {name: array[:-1].reshape(-1, *array.shape[2:])
+                for name, array in self._rollout.observation.items()}  # fmt: skip
+        is_active = self._rollout.is_active[:-1].reshape(-1).nonzero()[0]
+        chosen = is_active[:: max(1, len(is_active) // NUM_SAMPLES)][:NUM_SAMPLES]
+        self._samples = {name: as_tensor(array[chosen]).clone() for name, array in flat.items()}
+
+    # --- saving ---------------------------------------------------------------------------------
+
+    def state(self) -> LearnerState:
+        """Return copies of networks, optimiser, statistics and random stream.
+
+        With ``overlap``, takes the gradient steps that are left first.
+        """
+        self._finish()
+        tensors = {f"policy.{name}": value for name, value in self.policy.state_dict().items()}
+        tensors |= {f"critic.{name}": value for name, value in self._critic.state_dict().items()}
+        tensors |= {f"scaler.{name}": value for name, value in self._scaler.state_dict().items()}
+        tensors |= {f"optimiser.{name}": value for name, value in self._optimiser.state().items()}
+        if self.config.overlap:
+            collector = self._collector.state_dict()
+            tensors |= {f"collector.{name}": value for name, value in collector.items()}
+        tensors |= {f"samples.{name}": value for name, value in self._samples.items()}
+        tensors["generator"] = self._generator.get_state()
+        copies = {name: value.detach().cpu().clone() for name, value in tensors.items()}
+        return LearnerState(copies, {"losses": self._losses})
+
+    def load_state(self, state: LearnerState) -> None:
+        """Go on from ``state``; call :meth:`begin` next."""
+        load_tensors(self.policy, state.tensors, "policy.")
+        load_tensors(self._critic, state.tensors, "critic.")
+        load_tensors(self._scaler, state.tensors, "scaler.")
+        if self.config.overlap:
+            is_saved = any(name.startswith("collector.") for name in state.tensors)
+            load_tensors(self._collector, state.tensors, "collector." if is_saved else "policy.")
+        names = self._optimiser.state()
+        self._optimiser.load_state({name: state.tensors[f"optimiser.{name}"] for name in names})
+        self._generator.set_state(state.tensors["generator"])
+        self._losses = dict(state.values.get("losses", {}))
+        self._has_noise = False
+
+
+def equal_parts(length: int, num_parts: int) -> list[slice]:
+    """Return slices that cut ``length`` rows into parts of nearly equal size."""
+    bounds = [length * part // num_parts for part in range(num_parts + 1)]
+    return [slice(start, stop) for start, stop in itertools.pairwise(bounds)]
+
+
+def _flat(observation: dict[str, NDArray[Any]], device: torch.device) -> dict[str, Tensor]:
+    """Return ``dtype[steps * agents, *shape]`` of ``dtype[steps, agents, *shape]`` entries."""
+    return {
+        name: as_tensor(np.reshape(array, (-1, *array.shape[2:])), device)
+        for name, array in observation.items()
+    }

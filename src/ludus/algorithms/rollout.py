@@ -1,0 +1,150 @@
+"""What all agents of one policy lived through between two updates, in preallocated arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ludus.networks.tensors import as_tensor
+from ludus.spec import PolicySpec
+from ludus.spec.batch import Batch
+
+__all__ = ["FinalObservations", "Rollout", "SlotViews"]
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class SlotViews:
+    """One engine's slots at one step, made beforehand so that nothing is indexed while stepping.
+
+    Attributes:
+        observation: Per entry ``dtype[n, *shape]``, and as tensors on the CPU in ``tensors``.
+        tensors: The same memory as ``observation``.
+        is_active: ``bool[n]``.
+        mask: ``bool[n, mask_size]``, all True without masks.
+        discrete: ``int64[n, d]``.
+        continuous: ``float32[n, c]``, unclipped.
+        reward: ``float32[n]``.
+        terminated: ``bool[n]``.
+        truncated: ``bool[n]``.
+    """
+
+    observation: dict[str, Array]
+    tensors: dict[str, torch.Tensor]
+    is_active: NDArray[np.bool_]
+    mask: NDArray[np.bool_]
+    discrete: NDArray[np.int64]
+    continuous: NDArray[np.float32]
+    reward: NDArray[np.float32]
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+
+    def write_state(self, batch: Batch) -> None:
+        """Copy what the slots will act on."""
+        for name, array in self.observation.items():
+            array[...] = batch.observation[name]
+        self.is_active[...] = batch.active
+        if batch.action_mask is not None:
+            self.mask[...] = batch.action_mask
+
+    def write_outcome(self, batch: Batch) -> None:
+        """Copy what came of the action."""
+        self.reward[...] = batch.reward
+        self.terminated[...] = batch.terminated
+        self.truncated[...] = batch.truncated
+
+
+@dataclass(frozen=True)
+class FinalObservations:
+    """Last observations of ``m`` truncated episodes, for bootstrapping.
+
+    Attributes:
+        step: ``int64[m]``, step of the rollout.
+        slot: ``int64[m]``, over all engines.
+        observation: Per entry ``dtype[m, *shape]``.
+    """
+
+    step: NDArray[np.int64]
+    slot: NDArray[np.int64]
+    observation: dict[str, Array]
+
+
+class Rollout:
+    """``num_steps`` steps of ``num_agents`` slots.
+
+    States have one row more than outcomes: the last row is where the rollout ended, and becomes
+    the first of the next one in :meth:`restart`.
+    """
+
+    def __init__(self, policy: PolicySpec, num_steps: int, engine_rows: list[slice]) -> None:
+        num_agents = max(rows.stop for rows in engine_rows)
+        self.num_steps, self.num_agents = num_steps, num_agents
+        states, outcomes = (num_steps + 1, num_agents), (num_steps, num_agents)
+        self.observation: dict[str, Array] = {
+            entry.name: np.zeros((*states, *entry.shape), entry.numpy_dtype)
+            for entry in policy.observation
+        }
+        self.is_active = np.zeros(states, np.bool_)
+        self.has_mask = policy.mask_size > 0
+        self.mask = np.ones((*states, policy.mask_size), np.bool_)
+        self.discrete = np.zeros((*outcomes, policy.num_discrete), np.int64)
+        self.continuous = np.zeros((*outcomes, policy.continuous_size), np.float32)
+        self.reward = np.zeros(outcomes, np.float32)
+        self.terminated = np.zeros(outcomes, np.bool_)
+        self.truncated = np.zeros(outcomes, np.bool_)
+        self._rows = engine_rows
+        self._finals: list[FinalObservations] = []
+        self.views = [[self._view(t, rows) for t in range(num_steps + 1)] for rows in engine_rows]
+
+    def _view(self, step: int, rows: slice) -> SlotViews:
+        observation = {name: array[step, rows] for name, array in self.observation.items()}
+        last = min(step, self.num_steps - 1)  # the row of the last state has no outcome to write
+        return SlotViews(
+            observation=observation,
+            tensors={name: as_tensor(array) for name, array in observation.items()},
+            is_active=self.is_active[step, rows],
+            mask=self.mask[step, rows],
+            discrete=self.discrete[last, rows],
+            continuous=self.continuous[last, rows],
+            reward=self.reward[last, rows],
+            terminated=self.terminated[last, rows],
+            truncated=self.truncated[last, rows],
+        )
+
+    def add_finals(self, engine: int, step: int, batch: Batch) -> None:
+        """Keep the final observations of episodes that were truncated, not terminated."""
+        index = batch.final_index
+        is_kept = batch.truncated[index] & ~batch.terminated[index]
+        if not is_kept.any():
+            return
+        slots = index[is_kept] + self._rows[engine].start
+        kept = {name: array[is_kept] for name, array in batch.final_observation.items()}
+        self._finals.append(FinalObservations(np.full(len(slots), step), slots, kept))
+
+    def finals(self) -> FinalObservations | None:
+        """Return all final observations of the rollout, None if there are none."""
+        if not self._finals:
+            return None
+        return FinalObservations(
+            np.concatenate([part.step for part in self._finals]),
+            np.concatenate([part.slot for part in self._finals]),
+            {
+                name: np.concatenate([part.observation[name] for part in self._finals])
+                for name in self.observation
+            },
+        )
+
+    def restart(self) -> None:
+        """Begin the next rollout where this one ended."""
+        for array in (*self.observation.values(), self.is_active, self.mask):
+            array[0] = array[-1]
+        self._finals.clear()
+
+    def forget(self) -> None:
+        """Drop what was recorded; a new first state is about to be written."""
+        self._finals.clear()

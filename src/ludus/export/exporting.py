@@ -1,0 +1,198 @@
+"""Export the policies of a run: convert, write, test, and only then put into place."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from ludus.disk import disk_errors, write_atomically
+from ludus.engine import EngineKind, InstalledEngine, Target, find_engine, resolve_target
+from ludus.engine.bevy_game import is_bevy_game
+from ludus.errors import EngineNotFound, SetupError, TargetError
+from ludus.export.bevy_runtime import BevyGame
+from ludus.export.convert import to_model
+from ludus.export.godot_runtime import find_godot
+from ludus.export.parity import (
+    ParityReport,
+    PolicyFiles,
+    has_onnx_runtime,
+    measure_parity,
+    require_parity,
+)
+from ludus.export.places import JSON, ONNX, check_place, format_of, place_files
+from ludus.export.trained import TrainedPolicy, load_trained
+from ludus.model.json_file import write_model
+from ludus.model.policy_model import PolicyModel
+from ludus.runs.run_folder import RunFolder
+from ludus.settings.train_config import TrainConfig
+
+__all__ = ["ExportConfig", "Exported", "export_policies", "write_policies"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportConfig:
+    """What to export, and where to.
+
+    Attributes:
+        run: A run folder, or one of its checkpoints.
+        policy: Name of the one policy to export; None exports all.
+        to: A file, a folder or a pattern with ``{policy}``; None is the run's folder.
+        checkpoint: ``newest``, ``best`` or the path of a checkpoint.
+        is_tested: Whether every runtime must compute what was trained.
+        godot: Engine to test with; None is the run's, or the one that is found.
+    """
+
+    run: Path
+    policy: str | None = None
+    to: str | None = None
+    checkpoint: str = "newest"
+    is_tested: bool = True
+    godot: Path | None = None
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A policy that was written.
+
+    Attributes:
+        policy: Its name.
+        path: The file.
+        num_bytes: Size of the file.
+        parity: How far every runtime is from PyTorch; None if that was not tested.
+    """
+
+    policy: str
+    path: Path
+    num_bytes: int
+    parity: ParityReport | None
+
+
+def export_policies(config: ExportConfig) -> list[Exported]:
+    """Write the policies of a run, all or none.
+
+    A ``.ludus.json`` is tested with NumPy and in Godot, or in the Bevy game that was trained; an
+    ``.onnx`` with ONNX Runtime; the other runtimes are tested where they are installed.
+
+    Raises:
+        CheckpointError: There is no such run or checkpoint, or it is corrupt.
+        ConfigError: There is no such policy, or no such format.
+        EngineNotFound: There is no Godot to test with.
+        SetupError: The Bevy game to test with cannot be built.
+        ParityError: A runtime computes something else than was trained; nothing is written.
+        ModuleNotFoundError: ``onnx`` is not installed, and is needed.
+    """
+    if config.to is not None:
+        check_place(config.to)
+    trained = load_trained(config.run, config.checkpoint, config.policy)
+    folder = RunFolder.find(config.run)
+    places = place_files([one.spec.name for one in trained], config.to, folder.path)
+    formats = {format_of(place) for place in places}
+    engine = None
+    if config.is_tested:
+        engine = _find_engine(formats, config.godot, folder.read_config())
+    with tempfile.TemporaryDirectory(prefix="ludus-export-") as name:
+        staged = [
+            _stage(one, Path(name) / str(index), formats, config.is_tested)
+            for index, one in enumerate(trained)
+        ]
+        reports: list[ParityReport | None] = [None] * len(trained)
+        if config.is_tested:
+            reports = [
+                _test(one, files, engine) for one, files in zip(trained, staged, strict=True)
+            ]
+        return [
+            Exported(one.spec.name, place, _publish(files, place), report)
+            for one, files, place, report in zip(trained, staged, places, reports, strict=True)
+        ]
+
+
+def write_policies(run: Path, folder: Path, checkpoint: str = "newest") -> dict[str, Path]:
+    """Write all policies of a run as ``.ludus.json``, untested; return the files by policy.
+
+    Args:
+        run: A run folder, or one of its checkpoints.
+        folder: Where to; it exists.
+        checkpoint: As in :class:`ExportConfig`.
+
+    Raises:
+        CheckpointError: There is no such run or checkpoint, or it is corrupt.
+    """
+    config = ExportConfig(run=run, to=str(folder), checkpoint=checkpoint, is_tested=False)
+    return {exported.policy: exported.path for exported in export_policies(config)}
+
+
+@dataclass(frozen=True)
+class _Staged:
+    model: PolicyModel
+    files: PolicyFiles
+
+
+def _stage(one: TrainedPolicy, folder: Path, formats: set[str], is_tested: bool) -> _Staged:
+    """Write a policy in all formats that are wanted or tested."""
+    folder.mkdir()
+    model = to_model(one.policy, one.spec)
+    json, onnx = folder / f"policy{JSON}", folder / f"policy{ONNX}"
+    write_model(json, model)
+    if ONNX not in formats and not (is_tested and has_onnx_runtime()):
+        return _Staged(model, PolicyFiles(json))
+    from ludus.export.onnx_file import write_onnx
+
+    write_onnx(onnx, model)
+    return _Staged(model, PolicyFiles(json, onnx))
+
+
+def _test(
+    one: TrainedPolicy, staged: _Staged, engine: InstalledEngine | BevyGame | None
+) -> ParityReport:
+    report = measure_parity(one.policy, staged.model, staged.files, engine, one.recorded)
+    require_parity(report)
+    return report
+
+
+def _publish(staged: _Staged, place: Path) -> int:
+    """Put the file into place, whole or not at all; return its size."""
+    source = staged.files.json if format_of(place) == JSON else staged.files.onnx
+    assert source is not None
+    data = source.read_bytes()
+    with disk_errors(str(place)):
+        place.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(place, data)
+    return len(data)
+
+
+def _find_engine(
+    formats: set[str], named: Path | None, trained: TrainConfig
+) -> InstalledEngine | BevyGame | None:
+    """Return the engine to test with: the run's, or the one named; ONNX files can do without."""
+    try:
+        target = _find_target(trained)
+    except SetupError as error:
+        if JSON not in formats:
+            return None
+        raise SetupError(
+            f"the exported policy cannot be tested in its game: {error.message}",
+            f"{error.hint}; or export without the test: --no-parity",
+        ) from error
+    program = None if target is None else target.executable
+    if named is None and program is not None and is_bevy_game(program):
+        return BevyGame(program)
+    kind = None if target is None else target.engine_kind
+    return _find_godot(formats, named or trained.godot, kind or EngineKind.GODOT4)
+
+
+def _find_godot(formats: set[str], godot: Path | None, kind: EngineKind) -> InstalledEngine | None:
+    if JSON in formats or godot is not None:
+        return find_godot(godot, kind)
+    try:
+        return find_engine(kind)
+    except EngineNotFound:
+        return None
+
+
+def _find_target(trained: TrainConfig) -> Target | None:
+    """Return the game of a run; None where that cannot be told any more."""
+    try:
+        return resolve_target(trained.target, scene=trained.scene)
+    except TargetError:
+        return None

@@ -1,0 +1,124 @@
+"""Does an exported policy compute what the trained one does? Ask every runtime.
+
+PyTorch runs the trained network; NumPy and the game engine (GDScript in a real headless Godot, or
+Rust in the Bevy game) run the ``.ludus.json``, ONNX Runtime the ``.onnx``. All get the same
+observations.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from ludus.engine import InstalledEngine
+from ludus.errors import ParityError
+from ludus.export.bevy_runtime import BevyGame, answer_with_bevy
+from ludus.export.compare import TOLERANCE, Comparison, compare
+from ludus.export.godot_runtime import answer_with_godot
+from ludus.export.inputs import draw_inputs
+from ludus.export.runtimes import (
+    Answers,
+    answer_with_numpy,
+    answer_with_onnx,
+    answer_with_torch,
+)
+from ludus.model.policy_model import PolicyModel
+from ludus.networks.policy import Policy
+
+__all__ = ["ParityReport", "PolicyFiles", "has_onnx_runtime", "measure_parity", "require_parity"]
+
+
+@dataclass(frozen=True)
+class PolicyFiles:
+    """One policy in all formats that are tested.
+
+    Attributes:
+        json: The ``.ludus.json``.
+        onnx: The ``.onnx``; None leaves ONNX Runtime out.
+    """
+
+    json: Path
+    onnx: Path | None = None
+
+
+@dataclass(frozen=True)
+class ParityReport:
+    """How far every runtime is from PyTorch.
+
+    Attributes:
+        policy: Name of the policy.
+        num_random: Random observations.
+        num_recorded: Observations from the training.
+        comparisons: One per runtime.
+    """
+
+    policy: str
+    num_random: int
+    num_recorded: int
+    comparisons: tuple[Comparison, ...]
+
+
+def has_onnx_runtime() -> bool:
+    """Return whether ONNX files can be written and run here."""
+    return all(importlib.util.find_spec(name) for name in ("onnx", "onnxruntime"))
+
+
+def measure_parity(
+    policy: Policy,
+    model: PolicyModel,
+    files: PolicyFiles,
+    engine: InstalledEngine | BevyGame | None,
+    recorded: Mapping[str, NDArray[Any]],
+) -> ParityReport:
+    """Ask every runtime and compare its answers with those of PyTorch.
+
+    Args:
+        policy: The trained network.
+        model: What was exported.
+        files: Where.
+        engine: Godot or a Bevy game; None leaves the engine out.
+        recorded: Observations from the training, per entry ``dtype[n, *shape]``; may be empty.
+
+    Raises:
+        EngineError: The engine failed.
+    """
+    inputs = draw_inputs(model, recorded)
+    expected = answer_with_torch(policy, inputs)
+    answers: dict[str, Answers] = {"NumPy": answer_with_numpy(files.json, inputs)}
+    if files.onnx is not None:
+        answers["ONNX Runtime"] = answer_with_onnx(files.onnx, inputs)
+    if isinstance(engine, BevyGame):
+        answers["Bevy"] = answer_with_bevy(engine, files.json, model, inputs)
+    elif engine is not None:
+        name = f"Godot {'.'.join(map(str, engine.version))}"
+        answers[name] = answer_with_godot(engine, files.json, model, inputs)
+    num_recorded = inputs.num_recorded * inputs.num_steps
+    return ParityReport(
+        policy=model.policy,
+        num_random=inputs.num_agents * inputs.num_steps - num_recorded,
+        num_recorded=num_recorded,
+        comparisons=tuple(
+            compare(name, expected, came, model, inputs) for name, came in answers.items()
+        ),
+    )
+
+
+def require_parity(report: ParityReport) -> None:
+    """Refuse a policy that computes something else than was trained.
+
+    Raises:
+        ParityError: A difference is above the tolerance.
+    """
+    for comparison in report.comparisons:
+        if not comparison.is_equal:
+            raise ParityError(
+                f"policy {report.policy}: {comparison.runtime} differs from PyTorch by "
+                f"{comparison.largest:.2g}, allowed is {TOLERANCE:g}: {comparison.worst}",
+                "nothing was written; this is a defect, or the network computes with numbers so "
+                "large that float32 loses them; --no-parity exports without the test",
+            )

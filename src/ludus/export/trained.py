@@ -1,0 +1,178 @@
+"""Find the policies that a run has trained, without starting its game."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from numpy.typing import NDArray
+
+from ludus.errors import CheckpointError, ConfigError
+from ludus.networks.policy import Policy
+from ludus.runs.checkpoint import Checkpoint, read_checkpoint
+from ludus.runs.run_folder import RunFolder
+from ludus.runs.saved import load_policies
+from ludus.spec import (
+    ActionComponent,
+    AgentSpec,
+    Bound,
+    ContinuousAction,
+    DiscreteAction,
+    ObservationEntry,
+    PolicySpec,
+)
+
+__all__ = ["TrainedPolicy", "find_checkpoint", "load_trained", "spec_from_json"]
+
+SAMPLES = "samples."
+"""What recorded observations are called among the tensors of a learner."""
+
+
+@dataclass(frozen=True)
+class TrainedPolicy:
+    """One policy of a checkpoint.
+
+    Attributes:
+        spec: What it was trained for, with one agent.
+        policy: The network.
+        recorded: Observations that were met in training, per entry ``dtype[n, *shape]``; empty if
+            the checkpoint has none.
+    """
+
+    spec: PolicySpec
+    policy: Policy
+    recorded: dict[str, NDArray[Any]]
+
+
+def load_trained(run: Path, choice: str = "newest", only: str | None = None) -> list[TrainedPolicy]:
+    """Return the policies of a run.
+
+    Args:
+        run: A run folder, or one of its checkpoints.
+        choice: As for :func:`find_checkpoint`.
+        only: Name of the one policy to load; None loads all.
+
+    Raises:
+        CheckpointError: There is no such run or checkpoint, or it is corrupt.
+        ConfigError: It has no policy called ``only``.
+    """
+    path, checkpoint = find_checkpoint(run, choice)
+    names = list(checkpoint.specs) if only is None else [_known(only, checkpoint.specs, path)]
+    specs = {name: _spec(checkpoint, name, path) for name in names}
+    policies = load_policies(path, specs)
+    return [
+        TrainedPolicy(specs[name], policies[name], _recorded(checkpoint, specs[name]))
+        for name in names
+    ]
+
+
+def find_checkpoint(run: Path, choice: str = "newest") -> tuple[Path, Checkpoint]:
+    """Return a checkpoint and where it is.
+
+    Args:
+        run: A run folder, or one of its checkpoints, which is taken unless ``choice`` is ``best``.
+        choice: ``newest``, ``best`` (the highest mean return), or the path of a checkpoint, which
+            may be its mere name in the run.
+
+    Raises:
+        CheckpointError: There is no such run or checkpoint, or it is corrupt.
+    """
+    folder = RunFolder.find(run)
+    store = folder.checkpoints()
+    if choice == "best":
+        best = store.best()
+        if best is None:
+            raise CheckpointError(
+                f"no checkpoint of {folder.path} has a mean return yet",
+                "no episode had ended when they were saved; leave --checkpoint out",
+            )
+        return best, read_checkpoint(best)
+    if choice != "newest":
+        named = store.folder / choice
+        path = named if named.is_dir() else Path(choice)
+        return path, read_checkpoint(path)
+    if run.resolve() != folder.path.resolve():
+        return run, read_checkpoint(run)
+    return store.newest()
+
+
+def spec_from_json(value: Mapping[str, Any]) -> PolicySpec:
+    """Return the spec in a checkpoint, what ``PolicySpec.to_json`` made, with one agent.
+
+    Unlike a spec from an engine it may have bounds that are infinite for some elements, as
+    Gymnasium environments have them.
+
+    Raises:
+        KeyError, TypeError, ValueError: It is malformed.
+    """
+    return PolicySpec(
+        name=str(value["name"]),
+        observation=tuple(_entry(item) for item in value["observation"]),
+        action=tuple(_component(item) for item in value["action"]),
+        agents=(AgentSpec(0, None),),
+        has_action_mask=bool(value["has_action_mask"]),
+        episode=value["episode"],
+        max_episode_steps=value["max_episode_steps"],
+        settings=value["settings"],
+    )
+
+
+def _known(name: str, names: Iterable[str], path: Path) -> str:
+    known = sorted(names)
+    if name in known:
+        return name
+    close = difflib.get_close_matches(name, known, n=1)
+    hint = f"did you mean {close[0]}?" if close else f"its policies: {', '.join(known)}"
+    raise ConfigError(f"{path} has no policy {name}", hint)
+
+
+def _spec(checkpoint: Checkpoint, name: str, path: Path) -> PolicySpec:
+    hint = "remove that checkpoint, or name another one by --checkpoint"
+    try:
+        spec = spec_from_json(checkpoint.specs[name])
+    except (KeyError, TypeError, ValueError) as error:
+        what = f"{type(error).__name__}: {error}"
+        raise CheckpointError(f"{path}: the spec of policy {name}: {what}", hint) from None
+    if spec.fingerprint() != checkpoint.fingerprints.get(name):
+        raise CheckpointError(f"{path}: the spec of policy {name} is not what was saved", hint)
+    return spec
+
+
+def _recorded(checkpoint: Checkpoint, spec: PolicySpec) -> dict[str, NDArray[Any]]:
+    """Return recorded observations, if there are any and they are of this spec."""
+    tensors = checkpoint.learners[spec.name].tensors
+    recorded: dict[str, NDArray[Any]] = {}
+    for entry in spec.observation:
+        tensor = tensors.get(SAMPLES + entry.name)
+        if tensor is None or tuple(tensor.shape[1:]) != entry.shape:
+            return {}
+        recorded[entry.name] = tensor.numpy().astype(entry.numpy_dtype)
+    return recorded
+
+
+def _entry(value: Mapping[str, Any]) -> ObservationEntry:
+    return ObservationEntry(
+        name=str(value["name"]),
+        dtype=str(value["dtype"]),
+        shape=tuple(int(size) for size in value["shape"]),
+        low=_bound(value["low"], -math.inf),
+        high=_bound(value["high"], math.inf),
+    )
+
+
+def _component(value: Mapping[str, Any]) -> ActionComponent:
+    if value["kind"] == "discrete":
+        return DiscreteAction(str(value["name"]), int(value["n"]))
+    low, high = _bound(value["low"], -1.0), _bound(value["high"], 1.0)
+    return ContinuousAction(str(value["name"]), int(value["size"]), low, high)
+
+
+def _bound(value: Any, unbounded: float) -> Bound:
+    if value is None:
+        return unbounded
+    # Not through float(), as 0 and 0.0 have different fingerprints.
+    return tuple(cast(list[float], value)) if isinstance(value, list) else value

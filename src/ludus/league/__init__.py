@@ -1,0 +1,1 @@
+"""Self-play: past selves, who meets whom, ratings and tournaments."""

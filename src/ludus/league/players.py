@@ -1,0 +1,140 @@
+"""Who can play in the tournament of a run: its policies as they are, and as they once were."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from torch import Tensor
+
+from ludus.errors import CheckpointError, ConfigError
+from ludus.league.league import past_selves
+from ludus.runs.checkpoint import Checkpoint, CheckpointStore, read_checkpoint
+from ludus.runs.run_folder import RunFolder
+from ludus.settings.merging import saved_policy
+from ludus.settings.policy_config import PolicyConfig
+
+__all__ = ["Entrant", "Entrants", "load_entrants", "thin_out"]
+
+POLICY_PREFIX = "policy."
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """A policy at one moment of its training.
+
+    Attributes:
+        policy: Its name.
+        updates: Updates the run had made.
+        is_newest: Whether it is the policy as it is now.
+        rating: Elo rating from training; None without self-play.
+        settings: Of the network.
+        tensors: State of the network.
+    """
+
+    policy: str
+    updates: int
+    is_newest: bool
+    rating: float | None
+    settings: PolicyConfig
+    tensors: Mapping[str, Tensor]
+
+
+Entrants = Mapping[str, tuple[Entrant, ...]]
+"""By policy, oldest first; the last one is the newest."""
+
+
+def load_entrants(run: Path) -> tuple[Path, Checkpoint, Entrants]:
+    """Return the newest policies of a run and their past selves.
+
+    Those are the past selves of its league, or, without self-play, its older checkpoints.
+
+    Args:
+        run: A run folder, or one of its checkpoints.
+
+    Returns:
+        The newest checkpoint's folder, the checkpoint, and who can play.
+
+    Raises:
+        CheckpointError: There is no such run, or no checkpoint of it can be loaded.
+    """
+    folder = RunFolder.find(run)
+    store = folder.checkpoints()
+    is_folder = run.resolve() == folder.path.resolve()
+    path, newest = store.newest() if is_folder else (run, read_checkpoint(run))
+    try:
+        past = _of_league(newest) if "league" in newest.run else _of_store(store, newest)
+        now = _of_checkpoint(newest, is_newest=True)
+    except (KeyError, TypeError, ValueError, AttributeError, ConfigError) as error:
+        raise CheckpointError(
+            f"the checkpoint {path} is corrupt: {type(error).__name__}: {error}",
+            "name an older checkpoint of the run",
+        ) from None
+    return path, newest, {name: (*past[name], now[name]) for name in now}
+
+
+def thin_out(entrants: Sequence[Entrant], count: int) -> tuple[Entrant, ...]:
+    """Return at most ``count`` of them, evenly spaced, the oldest and the newest included."""
+    if count >= len(entrants):
+        return tuple(entrants)
+    chosen: list[float] = np.linspace(len(entrants) - 1, 0, count).tolist()
+    return tuple(entrants[round(index)] for index in reversed(chosen))
+
+
+def _of_league(checkpoint: Checkpoint) -> dict[str, list[Entrant]]:
+    pools = past_selves(checkpoint.league, checkpoint.run["league"])
+    settings = _settings(checkpoint)
+    return {
+        name: [
+            Entrant(name, past.number, False, past.rating, settings[name], past.tensors)
+            for past in pools[name]
+            if past.number < checkpoint.run["updates"]  # otherwise the newest one
+        ]
+        for name in checkpoint.learners
+    }
+
+
+def _of_store(store: CheckpointStore, newest: Checkpoint) -> dict[str, list[Entrant]]:
+    """Return the policies of the checkpoints before ``newest``."""
+    found: dict[str, list[Entrant]] = {name: [] for name in newest.learners}
+    for path in store.paths():
+        try:
+            checkpoint = read_checkpoint(path)
+        except CheckpointError as error:
+            log.warning("%s; left out", error.message)
+            continue
+        is_before = checkpoint.agent_steps < newest.agent_steps
+        if is_before and checkpoint.fingerprints == newest.fingerprints:
+            for name, entrant in _of_checkpoint(checkpoint, is_newest=False).items():
+                found[name].append(entrant)
+    return found
+
+
+def _of_checkpoint(checkpoint: Checkpoint, *, is_newest: bool) -> dict[str, Entrant]:
+    settings = _settings(checkpoint)
+    ratings = checkpoint.run.get("league", {}).get("ratings", {})
+    return {
+        name: Entrant(
+            policy=name,
+            updates=int(checkpoint.run["updates"]),
+            is_newest=is_newest,
+            rating=ratings.get(name),
+            settings=settings[name],
+            tensors={
+                key.removeprefix(POLICY_PREFIX): tensor
+                for key, tensor in learner.tensors.items()
+                if key.startswith(POLICY_PREFIX)
+            },
+        )
+        for name, learner in checkpoint.learners.items()
+    }
+
+
+def _settings(checkpoint: Checkpoint) -> dict[str, PolicyConfig]:
+    policies = checkpoint.config["policies"]
+    return {name: saved_policy(of, f"policies.{name}") for name, of in policies.items()}

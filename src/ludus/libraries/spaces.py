@@ -1,0 +1,140 @@
+"""Gymnasium spaces from a spec, and actions from spaces to the wire."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, cast
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from ludus.errors import ActionError
+from ludus.spec import ContinuousAction, DiscreteAction, ObservationEntry, PolicySpec
+from ludus.spec.batch import ActionBatch
+
+__all__ = ["action_space", "observation_of", "observation_space", "to_action_batch"]
+
+FLAT_ENTRY = "observation"
+
+
+def observation_space(policy: PolicySpec) -> spaces.Space[Any]:
+    """Return a ``Box`` for the one entry called "observation", else a ``Dict`` of boxes."""
+    if is_flat(policy):
+        return _box(policy.observation[0])
+    return spaces.Dict({entry.name: _box(entry) for entry in policy.observation})
+
+
+def action_space(policy: PolicySpec) -> spaces.Space[Any]:
+    """Return the space of one agent's action.
+
+    One choice: ``Discrete``; several: ``MultiDiscrete``; numbers: ``Box``; both kinds: a ``Dict``
+    by component name.
+    """
+    nvec = policy.nvec
+    if policy.continuous_size == 0:
+        return spaces.Discrete(nvec[0]) if len(nvec) == 1 else spaces.MultiDiscrete(list(nvec))
+    if not nvec:
+        low, high = policy.continuous_bounds()
+        return spaces.Box(low, high, dtype=np.float32)
+    return spaces.Dict({part.name: _component_space(part) for part in policy.action})
+
+
+def observation_of(
+    policy: PolicySpec, entries: Mapping[str, NDArray[Any]]
+) -> NDArray[Any] | dict[str, NDArray[Any]]:
+    """Return entries in the form of :func:`observation_space`, batched or not; no copies."""
+    return entries[FLAT_ENTRY] if is_flat(policy) else dict(entries)
+
+
+def to_action_batch(policy: PolicySpec, actions: Any, num_agents: int) -> ActionBatch:
+    """Turn batched actions of :func:`action_space` into wire form.
+
+    Raises:
+        ActionError: Wrong shape, not finite, or a choice out of range.
+    """
+    if policy.continuous_size and policy.nvec:
+        batch = _from_dict(policy, actions, num_agents)
+    elif policy.nvec:
+        batch = ActionBatch(
+            _discrete(actions, num_agents, policy.num_discrete), np.zeros((num_agents, 0), "f4")
+        )
+    else:
+        batch = ActionBatch(
+            np.zeros((num_agents, 0), np.int64),
+            _continuous(actions, num_agents, policy.continuous_size),
+        )
+    _check(policy, batch)
+    return batch
+
+
+def is_flat(policy: PolicySpec) -> bool:
+    """Whether the observation is one array rather than a dictionary."""
+    return len(policy.observation) == 1 and policy.observation[0].name == FLAT_ENTRY
+
+
+def _box(entry: ObservationEntry) -> spaces.Box:
+    low, high = entry.bounds()
+    return spaces.Box(low, high, entry.shape, dtype=cast(Any, entry.numpy_dtype.type))
+
+
+def _component_space(part: DiscreteAction | ContinuousAction) -> spaces.Space[Any]:
+    if isinstance(part, DiscreteAction):
+        return spaces.Discrete(part.n)
+    low = np.broadcast_to(np.asarray(part.low, np.float32), (part.size,))
+    high = np.broadcast_to(np.asarray(part.high, np.float32), (part.size,))
+    return spaces.Box(low, high, dtype=np.float32)
+
+
+def _discrete(values: Any, num_agents: int, count: int) -> NDArray[np.int64]:
+    array = np.asarray(values)
+    if array.dtype.kind not in "iu":
+        raise ActionError(f"expected whole numbers as discrete action, got {array.dtype}")
+    return _shaped(array.astype(np.int64, copy=False), num_agents, count)
+
+
+def _continuous(values: Any, num_agents: int, count: int) -> NDArray[np.float32]:
+    return _shaped(np.asarray(values, dtype=np.float32), num_agents, count)
+
+
+def _shaped(array: NDArray[Any], num_agents: int, count: int) -> NDArray[Any]:
+    if array.size != num_agents * count or (array.ndim > 0 and array.shape[0] != num_agents):
+        raise ActionError(
+            f"expected actions of shape ({num_agents}, {count}), got {array.shape}",
+            hint="env.action_space.sample() shows the form",
+        )
+    return array.reshape(num_agents, count)
+
+
+def _from_dict(policy: PolicySpec, actions: Any, num_agents: int) -> ActionBatch:
+    if not isinstance(actions, Mapping):
+        raise ActionError(f"expected a dictionary of actions, got {type(actions).__name__}")
+    values = cast(Mapping[str, Any], actions)
+    missing = [part.name for part in policy.action if part.name not in values]
+    if missing:
+        raise ActionError(f"the action lacks {', '.join(missing)}")
+    discrete = [
+        _discrete(values[part.name], num_agents, 1)
+        for part in policy.action
+        if isinstance(part, DiscreteAction)
+    ]
+    continuous = [
+        _continuous(values[part.name], num_agents, part.size)
+        for part in policy.action
+        if isinstance(part, ContinuousAction)
+    ]
+    return ActionBatch(np.concatenate(discrete, axis=1), np.concatenate(continuous, axis=1))
+
+
+def _check(policy: PolicySpec, batch: ActionBatch) -> None:
+    if batch.continuous.size and not np.isfinite(batch.continuous).all():
+        raise ActionError(f"{policy.name}: an action is NaN or infinite")
+    if not batch.discrete.size:
+        return
+    out_of_range = (batch.discrete < 0) | (batch.discrete >= np.asarray(policy.nvec))
+    if out_of_range.any():
+        slot, part = (int(i) for i in np.argwhere(out_of_range)[0])
+        raise ActionError(
+            f"{policy.name}: action {batch.discrete[slot, part]} of agent {slot} is out of range "
+            f"0 to {policy.nvec[part] - 1}"
+        )

@@ -1,0 +1,1 @@
+"""Policies as PyTorch networks: encoders, action distributions, normalisation."""

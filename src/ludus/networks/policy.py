@@ -1,0 +1,150 @@
+"""A policy: everything that turns observations into actions, and nothing that trains it."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from ludus.networks.distributions import ActionHead, GaussianShape
+from ludus.networks.networks import FeatureTorso, Inputs, ObservationEncoder, perceptron
+from ludus.networks.tensors import as_tensor, as_tensors
+from ludus.settings.policy_config import PolicyConfig, PPOConfig
+from ludus.spec import PolicySpec
+from ludus.spec.batch import ActionBatch, Batch
+
+__all__ = ["Player", "Policy"]
+
+
+class Policy(nn.Module):
+    """Actor network, observation statistics and action distribution of one policy.
+
+    Attributes:
+        spec: What it observes and does.
+        encoder: From entries to inputs; holds the observation statistics.
+        torso: From inputs to features.
+        memory: A recurrent layer over the features, None without one. What it remembers takes
+            their place.
+        memory_size: Its units, 0 without one.
+        actor: From features to what ``head`` makes actions of.
+        head: The action distribution.
+    """
+
+    def __init__(self, spec: PolicySpec, config: PolicyConfig) -> None:
+        super().__init__()
+        self.spec = spec
+        self.encoder = ObservationEncoder(spec.observation, config.normalise_observation)
+        self.head = ActionHead(spec, _gaussian_shape(config))
+        self.torso = FeatureTorso(self.encoder)
+        self.memory_size = config.memory_size if isinstance(config, PPOConfig) else 0
+        self.memory = _gru(self.torso.size, self.memory_size) if self.memory_size else None
+        sizes = (self.memory_size or self.torso.size, *config.hidden_sizes, self.head.num_outputs)
+        self.actor = perceptron(sizes, config.activation, 0.01)
+        last = self.actor[-1]
+        assert isinstance(last, nn.Linear)
+        self.head.initialise(last)
+
+    @property
+    def device(self) -> torch.device:
+        """Where it computes."""
+        return self.head.low.device
+
+    @property
+    def feature_size(self) -> int:
+        """Elements of what the actor looks at."""
+        return self.memory_size or self.torso.size
+
+    def features(self, inputs: Inputs) -> Tensor:
+        """Return ``float32[n, torso.size]``, what memory or actor look at."""
+        return self.torso(inputs)
+
+    def remember(self, features: Tensor, state: Tensor) -> Tensor:
+        """Return the next state of the memory, ``float32[n, memory_size]``, from the last one."""
+        assert self.memory is not None
+        return self.memory(features, state)
+
+    def act_on(self, inputs: Inputs, state: Tensor | None) -> tuple[Tensor, Tensor | None]:
+        """Return the actor's outputs, ``float32[n, head.num_outputs]``, and the memory's state."""
+        features = self.features(inputs)
+        if state is not None:
+            features = state = self.remember(features, state)
+        return self.actor(features), state
+
+
+class Player:
+    """Plays a policy in a fixed number of slots, and remembers for each.
+
+    Args:
+        policy: What to play.
+        num_slots: Rows of every batch.
+        generator: Draws samples; None takes the most probable actions.
+    """
+
+    def __init__(
+        self, policy: Policy, num_slots: int, generator: torch.Generator | None = None
+    ) -> None:
+        self.policy = policy
+        self._generator = generator
+        self._noise = torch.empty(num_slots, policy.head.num_noise, device=policy.device)
+        size = policy.memory_size
+        self._state = torch.zeros(num_slots, size, device=policy.device) if size else None
+        self._was_active = np.zeros(num_slots, np.bool_)
+
+    @torch.inference_mode()
+    def act(self, batch: Batch, rows: NDArray[np.int64] | None = None) -> ActionBatch:
+        """Return the action of every slot.
+
+        What a slot remembers is forgotten where ``batch`` says that its episode has ended.
+
+        Args:
+            batch: What the slots observe, and what came of their last actions.
+            rows: ``int64[m]``, slots to act in; None acts in all.
+
+        Returns:
+            Actions of those ``m`` slots.
+        """
+        policy, device = self.policy, self.policy.device
+        chosen: NDArray[np.int64] | slice = slice(None) if rows is None else rows
+        observation = {name: array[chosen] for name, array in batch.observation.items()}
+        inputs = policy.encoder(as_tensors(observation, device))
+        state = self._recall(batch, chosen)
+        outputs, state = policy.act_on(inputs, state)
+        if self._state is not None and state is not None:
+            self._state[chosen] = state
+        noise = None
+        if self._generator is not None:
+            noise = self._noise[: len(outputs)]
+            policy.head.fill_noise(noise, self._generator)
+        mask = None if batch.action_mask is None else as_tensor(batch.action_mask[chosen], device)
+        discrete, continuous = policy.head.sample(outputs, noise, mask)
+        return ActionBatch(discrete.cpu().numpy(), policy.head.to_bounds(continuous).cpu().numpy())
+
+    def _recall(self, batch: Batch, chosen: NDArray[np.int64] | slice) -> Tensor | None:
+        """Return what some slots remember of their episodes."""
+        if self._state is None:
+            return None
+        goes_on = self._was_active & ~(batch.terminated | batch.truncated)
+        self._was_active[...] = batch.active
+        keep = as_tensor(goes_on[chosen], self.policy.device).unsqueeze(1)
+        return self._state[chosen] * keep
+
+    def forget(self, rows: NDArray[np.int64] | None = None) -> None:
+        """Forget what the slots ``rows`` remember, or all, as their episodes begin anew."""
+        self._was_active[slice(None) if rows is None else rows] = False
+
+
+def _gaussian_shape(config: PolicyConfig) -> GaussianShape:
+    if isinstance(config, PPOConfig):
+        return GaussianShape(config.initial_log_std, config.state_dependent_std, config.squash)
+    return GaussianShape(0.0, is_state_dependent=True, is_squashed=True)
+
+
+def _gru(inputs: int, size: int) -> nn.GRUCell:
+    """Return a GRU (Cho et al. 2014) with orthogonal weights and no bias at the start."""
+    cell = nn.GRUCell(inputs, size)
+    for weight in (cell.weight_ih, cell.weight_hh):
+        nn.init.orthogonal_(weight)
+    for bias in (cell.bias_ih, cell.bias_hh):
+        nn.init.zeros_(bias)
+    return cell

@@ -1,0 +1,327 @@
+"""Checkpoints: a folder with ``tensors.safetensors`` and ``state.json``, whole or absent.
+
+::
+
+    checkpoints/step-000000122880/
+        tensors.safetensors     every tensor, "<policy>/<name>", past selves "@league/…"
+        replay.safetensors      replay buffers, in the newest checkpoint only
+        state.json              all the rest, and the hashes of the tensors
+    checkpoints/update-000000001000/
+                                the same, kept for ever; ``keep_every_updates``
+    checkpoints/unloadable-step-000000245760/
+                                set aside: it could not be loaded when the run was resumed
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import os
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, cast
+
+from safetensors import SafetensorError
+from safetensors.torch import load as load_safetensors
+from safetensors.torch import save as save_safetensors
+from torch import Tensor
+
+from ludus.algorithms.learner import LearnerState
+from ludus.disk import disk_errors, sync_folder, write_synced
+from ludus.errors import CheckpointError
+from ludus.spec import PolicySpec
+
+__all__ = ["Checkpoint", "CheckpointStore", "check_spec", "read_checkpoint", "write_checkpoint"]
+
+FORMAT = 2
+TENSORS, REPLAY, STATE = "tensors.safetensors", "replay.safetensors", "state.json"
+LEAGUE = "@league"
+TEMPORARY = ".writing-"
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """All that a run needs to go on.
+
+    Attributes:
+        agent_steps: Agent steps so far.
+        mean_return: Of the last episodes, the mean over policies; None before the first ended.
+        learners: State of each policy's learner.
+        specs: Each policy's spec as in the handshake.
+        fingerprints: Of each policy's spec.
+        config: Effective settings.
+        run: The rest, as JSON values: counters, episode statistics, random streams.
+        league: Past selves, see :meth:`ludus.league.league.League.state`.
+    """
+
+    agent_steps: int
+    mean_return: float | None
+    learners: dict[str, LearnerState]
+    specs: dict[str, Any]
+    fingerprints: dict[str, str]
+    config: dict[str, Any]
+    run: dict[str, Any]
+    league: dict[str, Tensor] = field(default_factory=dict[str, Tensor])
+
+
+def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
+    """Write a checkpoint folder; ``path`` appears complete or not at all.
+
+    Raises:
+        RunError: The disk is full, or the folder may not be written to.
+    """
+    parts = {name: learner.tensors for name, learner in checkpoint.learners.items()}
+    replays = {name: learner.replay for name, learner in checkpoint.learners.items()}
+    data = save_safetensors(_joined({**parts, LEAGUE: checkpoint.league}))
+    replay = save_safetensors(_joined(replays)) if any(replays.values()) else None
+    state = {
+        "format": FORMAT,
+        "tensors_sha256": hashlib.sha256(data).hexdigest(),
+        "replay_sha256": None if replay is None else hashlib.sha256(replay).hexdigest(),
+        "agent_steps": checkpoint.agent_steps,
+        "mean_return": checkpoint.mean_return,
+        "learners": {name: learner.values for name, learner in checkpoint.learners.items()},
+        "specs": checkpoint.specs,
+        "fingerprints": checkpoint.fingerprints,
+        "config": checkpoint.config,
+        "run": checkpoint.run,
+    }
+    temporary = path.with_name(f"{TEMPORARY}{os.getpid()}-{path.name}")
+    with disk_errors(f"the checkpoint {path}"):
+        try:
+            temporary.mkdir(parents=True)
+            write_synced(temporary / TENSORS, data)
+            if replay is not None:
+                write_synced(temporary / REPLAY, replay)
+            write_synced(temporary / STATE, json.dumps(state).encode())
+            sync_folder(temporary)
+            temporary.rename(path)
+            sync_folder(path.parent)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+
+
+def read_checkpoint(path: Path, *, has_replay: bool = False) -> Checkpoint:
+    """Return the checkpoint in a folder.
+
+    Args:
+        path: The folder.
+        has_replay: Read replay buffers as well, if they are still there.
+
+    Raises:
+        CheckpointError: It is missing, incomplete or corrupt.
+    """
+    state = _read_state(path)
+    tensors = _read_tensors(path, TENSORS, state.get("tensors_sha256"))
+    replay: dict[str, Tensor] = {}
+    if has_replay and state.get("replay_sha256"):
+        if (path / REPLAY).exists():
+            replay = _read_tensors(path, REPLAY, state["replay_sha256"])
+        else:
+            log.warning("%s has no replay any more; it begins empty", path)
+    try:
+        learners = {
+            name: LearnerState(_of_policy(tensors, name), values, _of_policy(replay, name))
+            for name, values in state["learners"].items()
+        }
+        return Checkpoint(
+            agent_steps=int(state["agent_steps"]),
+            mean_return=state["mean_return"],
+            learners=learners,
+            specs=state["specs"],
+            fingerprints=state["fingerprints"],
+            config=state["config"],
+            run=state["run"],
+            league=_of_policy(tensors, LEAGUE),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise _corrupt(path, f"{type(error).__name__}: {error}") from None
+
+
+def _joined(parts: Mapping[str, Mapping[str, Tensor]]) -> dict[str, Tensor]:
+    return {
+        f"{part}/{name}": tensor.contiguous()
+        for part, tensors in parts.items()
+        for name, tensor in tensors.items()
+    }
+
+
+def _read_tensors(path: Path, name: str, sha256: object) -> dict[str, Tensor]:
+    try:
+        data = (path / name).read_bytes()
+    except OSError as error:
+        raise _corrupt(path, f"{name}: {error.strerror}") from None
+    if hashlib.sha256(data).hexdigest() != sha256:
+        raise _corrupt(path, f"{name} is not what was saved")
+    try:
+        return load_safetensors(data)
+    except (ValueError, SafetensorError) as error:
+        raise _corrupt(path, f"{name}: {error}") from None
+
+
+def check_spec(
+    fingerprints: Mapping[str, str], policies: Mapping[str, PolicySpec], path: Path
+) -> None:
+    """Refuse a checkpoint that was trained for other observations or actions.
+
+    Raises:
+        CheckpointError: It names the policy.
+    """
+    hint = "use the scene and version it was trained in, or start a new run"
+    if missing := sorted(policies.keys() - fingerprints.keys()):
+        raise CheckpointError(
+            f"{path} has no policy {missing[0]}; it has {', '.join(fingerprints)}", hint
+        )
+    for name, policy in policies.items():
+        if fingerprints[name] != policy.fingerprint():
+            raise CheckpointError(
+                f"{path} was trained for other observations or actions of policy {name}", hint
+            )
+
+
+class CheckpointStore:
+    """The checkpoints of one run: the newest ones, the best one, and those to keep for ever."""
+
+    def __init__(self, folder: Path, keep: int) -> None:
+        self.folder = folder
+        self._keep = keep
+
+    def paths(self) -> list[Path]:
+        """Return checkpoint folders, oldest first, without those to keep for ever."""
+        return sorted(self.folder.glob("step-*"))
+
+    def write(self, checkpoint: Checkpoint) -> Path:
+        """Save a checkpoint, then drop those that are neither new nor best."""
+        path = self.folder / f"step-{checkpoint.agent_steps:012d}"
+        if not self._is_written(path):  # else nothing was learnt since then
+            write_checkpoint(path, checkpoint)
+            self._prune()
+        return path
+
+    def keep(self, checkpoint: Checkpoint, updates: int) -> Path:
+        """Save a checkpoint that is never dropped, without replay buffers."""
+        path = self.folder / f"update-{updates:012d}"
+        if not self._is_written(path):
+            learners = {
+                name: replace(learner, replay={}) for name, learner in checkpoint.learners.items()
+            }
+            write_checkpoint(path, replace(checkpoint, learners=learners))
+        return path
+
+    def newest(
+        self, *, has_replay: bool = False, set_aside: bool = False
+    ) -> tuple[Path, Checkpoint]:
+        """Return the newest checkpoint that can be loaded, and where it is.
+
+        Args:
+            has_replay: Read replay buffers as well.
+            set_aside: Rename newer ones that cannot be loaded, so that they neither count as
+                checkpoints nor take the place of those to come. Only for who trains the run.
+
+        Raises:
+            CheckpointError: There is none; nothing was renamed.
+            RunError: One could not be renamed.
+        """
+        tried: set[Path] = set()
+        # A run that goes on may drop all that were there, and write others, while they are read.
+        while untried := [path for path in self.paths() if path not in tried]:
+            for path in reversed(untried):
+                tried.add(path)
+                try:
+                    checkpoint = read_checkpoint(path, has_replay=has_replay)
+                except CheckpointError as error:
+                    if path.is_dir():
+                        log.warning("%s; trying an older one", error.message)
+                    continue
+                for unloadable in sorted(tried - {path}) if set_aside else ():
+                    self._set_aside(unloadable)
+                return path, checkpoint
+        raise CheckpointError(
+            f"no checkpoint in {self.folder} can be loaded", "start a new run without --resume"
+        )
+
+    def best(self) -> Path | None:
+        """Return the checkpoint with the highest mean return, None before any has one."""
+        scores = [(score, path) for path in self.paths() if (score := _mean_return(path))]
+        return max(scores)[1] if scores else None
+
+    def clean(self) -> None:
+        """Remove what a killed run left half written."""
+        for path in self.folder.glob(f"{TEMPORARY}*"):
+            shutil.rmtree(path, ignore_errors=True)
+
+    def _is_written(self, path: Path) -> bool:
+        """Return whether ``path`` is a checkpoint that can be loaded; set aside one that cannot."""
+        if not path.exists():
+            return False
+        try:
+            read_checkpoint(path, has_replay=True)
+        except CheckpointError as error:
+            log.warning("%s", error.message)
+            self._set_aside(path)
+            return False
+        return True
+
+    def _set_aside(self, path: Path) -> None:
+        aside, attempt = path.with_name(f"unloadable-{path.name}"), 1
+        while aside.exists():
+            attempt += 1
+            aside = path.with_name(f"unloadable-{path.name}-{attempt}")
+        with disk_errors(str(aside)):
+            if path.exists():
+                path.rename(aside)
+                log.warning("%s was renamed to %s and no longer counts", path, aside.name)
+
+    def _prune(self) -> None:
+        best = self.best()
+        for path in self.paths()[: -self._keep]:
+            if path != best:
+                # Hidden first, so that one half removed is never taken for a checkpoint.
+                doomed = path.rename(path.with_name(f"{TEMPORARY}{path.name}"))
+                shutil.rmtree(doomed, ignore_errors=True)
+        for path in self.paths()[:-1]:
+            (path / REPLAY).unlink(missing_ok=True)  # large, and only the newest is resumed
+
+
+def _mean_return(path: Path) -> tuple[float] | None:
+    try:
+        value = _read_state(path).get("mean_return")
+    except CheckpointError:
+        return None
+    return None if value is None else (float(value),)
+
+
+def _read_state(path: Path) -> dict[str, Any]:
+    if not path.is_dir():
+        raise CheckpointError(f"there is no checkpoint {path}", "check the path of the run")
+    try:
+        state: Any = json.loads((path / STATE).read_bytes())
+    except (OSError, ValueError) as error:
+        raise _corrupt(path, f"{STATE}: {error}") from None
+    if not isinstance(state, dict):
+        raise _corrupt(path, f"{STATE} is not an object")
+    values = cast(dict[str, Any], state)
+    if values.get("format") != FORMAT:
+        raise CheckpointError(
+            f"{path} has format {values.get('format')}, this version reads {FORMAT}",
+            "use the version of ludus that wrote it",
+        )
+    return values
+
+
+def _of_policy(tensors: dict[str, Any], policy: str) -> dict[str, Any]:
+    prefix = f"{policy}/"
+    own = {name: value for name, value in tensors.items() if name.startswith(prefix)}
+    return {name.removeprefix(prefix): value for name, value in own.items()}
+
+
+def _corrupt(path: Path, reason: str) -> CheckpointError:
+    return CheckpointError(
+        f"the checkpoint {path} is corrupt: {reason}",
+        "remove that folder; resuming takes the newest one that can be loaded",
+    )

@@ -1,0 +1,170 @@
+"""What a running run is asked to do: by the game, or by files in its folder ``control``.
+
+A request is a JSON object, the same in both ways (PROTOCOL.md §8)::
+
+    {"kind": "set_mode", "policy": "hero", "mode": "train" | "frozen" | "deterministic"}
+    {"kind": "save"}
+    {"kind": "stop"}
+
+and of a game that guides its training, which ``ludus serve`` obeys::
+
+    {"kind": "start"}
+    {"kind": "play_round"}
+    {"kind": "write_policies"}
+
+A file holds one request; it is written under another name and renamed, read in the order of names,
+and removed when it has been read.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import time
+import typing
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from ludus.disk import disk_errors, write_atomically
+from ludus.errors import UsageError
+from ludus.settings.policy_config import Mode
+
+__all__ = ["MODES", "PlayRound", "Request", "SaveRequest", "SetMode", "StartRequest",
+           "StopRequest", "WritePolicies", "parse_request", "read_request", "send_request",
+           "take_requests"]  # fmt: skip
+
+MAX_BYTES = 4096
+MODES: tuple[Mode, ...] = typing.get_args(Mode)
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class SetMode:
+    """Let a policy learn, act frozen, or act deterministically."""
+
+    policy: str
+    mode: Mode
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the request as JSON values."""
+        return {"kind": "set_mode", "policy": self.policy, "mode": self.mode}
+
+
+@dataclass(frozen=True)
+class SaveRequest:
+    """Write a checkpoint now."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the request as JSON values."""
+        return {"kind": "save"}
+
+
+@dataclass(frozen=True)
+class StopRequest:
+    """End training, with a checkpoint."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the request as JSON values."""
+        return {"kind": "stop"}
+
+
+@dataclass(frozen=True)
+class StartRequest:
+    """Train until told to stop."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the request as JSON values."""
+        return {"kind": "start"}
+
+
+@dataclass(frozen=True)
+class PlayRound:
+    """Play one episode in every world with the most probable actions; nothing learns."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the request as JSON values."""
+        return {"kind": "play_round"}
+
+
+@dataclass(frozen=True)
+class WritePolicies:
+    """Write every policy as a file for the game."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the request as JSON values."""
+        return {"kind": "write_policies"}
+
+
+Request = SetMode | SaveRequest | StopRequest | StartRequest | PlayRound | WritePolicies
+
+_SIMPLE: dict[str, Request] = {
+    str(request.to_json()["kind"]): request
+    for request in (SaveRequest(), StopRequest(), StartRequest(), PlayRound(), WritePolicies())
+}
+
+
+def parse_request(values: Mapping[str, Any], policies: Iterable[str]) -> Request:
+    """Return what ``values`` ask for.
+
+    Raises:
+        UsageError: That is nothing we know, or there is no such policy.
+    """
+    known = list(policies)
+    match values:
+        case {"kind": "set_mode", "policy": str(policy), "mode": str(mode)}:
+            if policy in known and mode in MODES:
+                return SetMode(policy, mode)
+        case {"kind": str(kind)} if kind in _SIMPLE:
+            return _SIMPLE[kind]
+        case _:
+            pass
+    text = json.dumps(values, default=str)[:200]
+    raise UsageError(
+        f"request left out: {text}", f"policies: {', '.join(known)}; modes: {', '.join(MODES)}"
+    )
+
+
+def read_request(values: Mapping[str, Any], policies: Iterable[str]) -> Request | None:
+    """Return what ``values`` ask for; None, with a warning, if that is nothing we know."""
+    try:
+        return parse_request(values, policies)
+    except UsageError as error:
+        log.warning("%s; %s", error.message, error.hint)
+        return None
+
+
+def send_request(folder: Path, request: Request) -> Path:
+    """Leave a request for the run that looks into ``folder``.
+
+    Returns:
+        The file, which is gone once the run has taken the request.
+
+    Raises:
+        RunError: The file cannot be written.
+    """
+    with disk_errors(f"a request in {folder}"):
+        folder.mkdir(exist_ok=True)
+        data = json.dumps(request.to_json()).encode()
+        path = folder / f"{time.time_ns():020d}.json"
+        write_atomically(path, data)
+    return path
+
+
+def take_requests(folder: Path) -> list[Mapping[str, Any]]:
+    """Read and remove the requests in ``folder``, oldest first; malformed ones with a warning."""
+    if not folder.is_dir():
+        return []
+    found: list[Mapping[str, Any]] = []
+    for path in sorted(folder.glob("*.json")):
+        try:
+            values: Any = json.loads(path.read_bytes()[:MAX_BYTES])
+        except (OSError, ValueError) as error:
+            log.warning("request %s left out: %s", path, error)
+            values = None
+        if isinstance(values, dict):
+            found.append(cast(dict[str, Any], values))
+        path.unlink(missing_ok=True)
+    return found

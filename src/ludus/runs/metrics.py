@@ -1,0 +1,115 @@
+"""What is measured while training: one JSON object per update, and the same for TensorBoard.
+
+:data:`METRICS` documents every one. In ``metrics.jsonl`` those of a policy stand under
+``policies.<name>``; TensorBoard calls them ``<name>/<metric>``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ludus.disk import disk_errors, write_atomically
+from ludus.runs.event_file import EventFile
+
+__all__ = ["METRICS", "POLICY_METRICS", "MetricsLog", "read_metrics"]
+
+METRICS: dict[str, str] = {
+    "agent_steps": "Agent steps so far: decisions of active agents, without those of past selves.",
+    "updates": "Updates so far: rounds of collecting, after each of which some policy has learnt.",
+    "wall_s": "Seconds of training so far, over all resumptions; without start and evaluation.",
+    "steps_per_s": "Agent steps per second since the last update, learning included.",
+    "wait_share": "Share of that time spent waiting for engines.",
+    "act_share": "Share of that time spent choosing and sending actions.",
+    "record_share": "Share of that time spent recording outcomes.",
+    "update_share": "Share of that time spent learning, between steps or while engines simulated.",
+    "restarts": "Engines restarted so far, after a crash or a missed deadline.",
+}
+"""Metrics of a run."""
+
+POLICY_METRICS: dict[str, str] = {
+    "mean_return": "Mean undiscounted return of the last return_window episodes.",
+    "min_return": "Lowest of them.",
+    "max_return": "Highest of them.",
+    "return_p10": "Their 10th percentile.",
+    "return_p90": "Their 90th percentile.",
+    "mean_length": "Mean agent steps of the last return_window episodes.",
+    "episodes": "Episodes that ended so far.",
+    "is_learning": "1 in mode train, 0 in frozen and deterministic.",
+    "elo": "Rating of the policy as it is now; with self-play only.",
+    "policy_loss": "PPO: clipped surrogate objective with the sign turned, equation 7. SAC: soft "
+    "value of the policy with the sign turned, equation 7 of its paper.",
+    "value_loss": "PPO: half the mean squared error of the value, in units of scaled rewards.",
+    "entropy": "Mean entropy of the action distribution, nats.",
+    "approximate_kl": "PPO: divergence from the policy that collected, nats; estimator k3.",
+    "clip_fraction": "PPO: share of transitions whose ratio left the clip range.",
+    "grad_norm": "PPO: length of the gradient before it is shortened.",
+    "explained_variance": "PPO: 1 - Var(target - value) / Var(target); 1 is a perfect critic.",
+    "num_epochs": "PPO: passes over the rollout; fewer than epochs where target_kl stopped them.",
+    "num_transitions": "PPO: transitions learnt from; those of inactive slots are left out.",
+    "learning_rate": "Step size of the optimiser in this update.",
+    "action_std": "PPO: mean deviation of continuous actions, where the bounds are -1 and 1.",
+    "q_loss": "SAC: half the mean squared error of both critics in sum, equation 5.",
+    "mean_q": "SAC: mean value of the actions in the replay, by the first critic.",
+    "temperature": "SAC: weight of the entropy, alpha.",
+    "temperature_loss": "SAC: log(alpha) times the entropy above target_entropy, equation 18.",
+    "gradient_steps": "SAC: gradient steps so far.",
+    "replay_size": "SAC: transitions in the replay.",
+}
+"""Metrics of a policy, those of one algorithm alone marked.
+
+Losses are means over the minibatches of the last epoch (PPO), or over the gradient steps since the
+last update (SAC)."""
+
+
+class MetricsLog:
+    """Writes metrics to ``metrics.jsonl`` and to an event file for TensorBoard.
+
+    On a resumed run, call :meth:`forget_after` first.
+    """
+
+    def __init__(self, folder: Path, first_step: int = 0) -> None:
+        self._path = folder / "metrics.jsonl"
+        with disk_errors(str(self._path)):
+            self._lines = self._path.open("ab")
+        self._events = EventFile(folder, first_step)
+
+    @staticmethod
+    def forget_after(path: Path, agent_steps: int) -> None:
+        """Drop the lines that were written after the checkpoint a run resumes from."""
+        if not path.exists():
+            return
+        kept = [line for line in read_metrics(path) if line["agent_steps"] <= agent_steps]
+        text = "".join(json.dumps(line) + "\n" for line in kept)
+        with disk_errors(str(path)):
+            write_atomically(path, text.encode())
+
+    def write(self, metrics: Mapping[str, float], policies: Mapping[str, dict[str, float]]) -> None:
+        """Write one update's metrics; ``metrics["agent_steps"]`` is the x axis."""
+        line = json.dumps({**metrics, "policies": policies}) + "\n"
+        with disk_errors(str(self._path)):
+            self._lines.write(line.encode())
+            self._lines.flush()
+        scalars = {f"run/{name}": value for name, value in metrics.items()}
+        for policy, values in policies.items():
+            scalars |= {f"{policy}/{name}": value for name, value in values.items()}
+        self._events.write(int(metrics["agent_steps"]), scalars)
+
+    def close(self) -> None:
+        """Close both files."""
+        with disk_errors(str(self._path)):
+            self._lines.close()
+        self._events.close()
+
+
+def read_metrics(path: Path) -> list[dict[str, Any]]:
+    """Return the lines of a ``metrics.jsonl``; a last line cut short by a kill is left out."""
+    lines: list[dict[str, Any]] = []
+    for text in path.read_text(encoding="utf-8").splitlines():
+        try:
+            lines.append(json.loads(text))
+        except json.JSONDecodeError:
+            break
+    return lines

@@ -1,0 +1,193 @@
+"""What a run leaves behind, and where.
+
+::
+
+    runs/<target>-<date>-<time>[-n]/
+        config.json             effective settings; ``ludus train --config`` reads them
+        checkpoints/            see :mod:`ludus.runs.checkpoint`
+        metrics.jsonl           see :mod:`ludus.runs.metrics`
+        events.out.tfevents…    the same for TensorBoard
+        learning_curve.png
+        evaluation.json
+        result.json             how training ended; absent while it goes on, and after a crash
+        train.log
+        engine-logs/            what the game processes printed
+        control/                requests to the run while it goes on, see :mod:`ludus.runs.control`
+        diverged/               a checkpoint for inspection, after a loss became NaN
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ludus.disk import disk_errors, write_atomically
+from ludus.engine.locks import LockHeld, file_lock
+from ludus.errors import CheckpointError, RunError
+from ludus.runs.checkpoint import CheckpointStore
+from ludus.settings.merging import lay_over, read_file, to_plain
+from ludus.settings.train_config import TrainConfig
+
+__all__ = ["RunFolder"]
+
+LOCK = ".lock"
+LOCK_TIMEOUT_S = 1.0
+"""Longer than :meth:`RunFolder.is_running` holds the lock."""
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """The folder of one run.
+
+    Attributes:
+        path: Where it is.
+    """
+
+    path: Path
+
+    @classmethod
+    def create(cls, config: TrainConfig) -> RunFolder:
+        """Make a new, empty folder.
+
+        Raises:
+            RunError: A folder of the name that ``config`` asks for exists, or none can be made.
+        """
+        stem = config.name or f"{_slug(config.target)}-{time.strftime('%Y%m%d-%H%M%S')}"
+        path, attempt = config.runs / stem, 1
+        with disk_errors(f"the run folder {path}"):
+            config.runs.mkdir(parents=True, exist_ok=True)
+            while True:
+                try:
+                    path.mkdir()
+                    return cls(path)
+                except FileExistsError:
+                    if config.name:
+                        raise RunError(
+                            f"the run {path} exists already",
+                            f"ludus train --resume {path} goes on with it",
+                        ) from None
+                attempt += 1
+                path = config.runs / f"{stem}-{attempt}"
+
+    @classmethod
+    def find(cls, path: Path) -> RunFolder:
+        """Return the folder of an existing run; a checkpoint inside it will do, too.
+
+        Raises:
+            CheckpointError: There is no run.
+        """
+        for folder in (path, path.parent.parent):
+            if (folder / "config.json").is_file():
+                return cls(folder)
+        raise CheckpointError(
+            f"{path} is not a run: it has no config.json",
+            "name a folder that ludus train made, such as runs/cartpole-…",
+        )
+
+    @property
+    def metrics(self) -> Path:
+        """JSON lines, one object per update."""
+        return self.path / "metrics.jsonl"
+
+    @property
+    def learning_curve(self) -> Path:
+        """The picture of the learning curve."""
+        return self.path / "learning_curve.png"
+
+    @property
+    def engine_logs(self) -> Path:
+        """Folder for what the engines print."""
+        return self.path / "engine-logs"
+
+    @property
+    def control(self) -> Path:
+        """Folder for requests to the run."""
+        return self.path / "control"
+
+    @property
+    def result(self) -> Path:
+        """How training ended; absent while it goes on, and after a crash."""
+        return self.path / "result.json"
+
+    @contextmanager
+    def locked(self) -> Generator[None, None, None]:
+        """Keep every other process from training in this folder.
+
+        Requests to whatever trained here before are void.
+
+        Raises:
+            RunError: Another process does so now.
+        """
+        try:
+            with file_lock(self.path / LOCK, LOCK_TIMEOUT_S):
+                shutil.rmtree(self.control, ignore_errors=True)
+                yield
+        except LockHeld:
+            raise RunError(
+                f"the run {self.path} is being trained by another process",
+                f"ludus control {self.path} --stop ends that one",
+            ) from None
+
+    def is_running(self) -> bool:
+        """Return whether a process is training in this folder now."""
+        if not (self.path / LOCK).exists():
+            return False
+        try:
+            with file_lock(self.path / LOCK, 0.0):
+                return False
+        except LockHeld:
+            return True
+
+    @property
+    def diverged(self) -> Path:
+        """Where the state goes after a loss became NaN; a free name."""
+        path, attempt = self.path / "diverged", 1
+        while path.exists():
+            attempt += 1
+            path = self.path / f"diverged-{attempt}"
+        return path
+
+    def checkpoints(self, keep: int = 3) -> CheckpointStore:
+        """Return the store of this run's checkpoints."""
+        return CheckpointStore(self.path / "checkpoints", keep)
+
+    def read_config(self) -> TrainConfig:
+        """Return the effective settings of the run."""
+        path = self.path / "config.json"
+        return lay_over(TrainConfig(), read_file(path), str(path))
+
+    def write_config(self, config: TrainConfig) -> None:
+        """Save the effective settings."""
+        self.write_json("config.json", to_plain(config))
+
+    def write_json(self, name: str, values: dict[str, Any]) -> None:
+        """Write a small file into the folder, whole or not at all."""
+        path = self.path / name
+        with disk_errors(str(path)):
+            write_atomically(path, json.dumps(values, indent=2).encode() + b"\n")
+
+    def forget_result(self) -> None:
+        """Remove the result of what trained here before."""
+        with disk_errors(str(self.result)):
+            self.result.unlink(missing_ok=True)
+
+    def discard_if_unused(self, but: Path | None = None) -> None:
+        """Remove the folder if nothing has been written into it, ``but`` in that folder of it."""
+        files = (path for path in self.path.rglob("*") if path.is_file() and path.name != LOCK)
+        if all(but is not None and path.is_relative_to(but) for path in files):
+            shutil.rmtree(self.path, ignore_errors=True)
+
+
+def _slug(target: str) -> str:
+    if target.startswith("gym:"):
+        stem = target.removeprefix("gym:")
+    else:
+        stem = Path(target).stem if Path(target).exists() else Path(target).name
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", stem).strip("-.") or "run"

@@ -1,0 +1,180 @@
+"""What the runs in a folder have come to, from the small files that they leave."""
+
+from __future__ import annotations
+
+import json
+import math
+import typing
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, cast
+
+from ludus.runs.metrics_sample import sample_metrics
+from ludus.runs.run_folder import RunFolder
+
+__all__ = ["PolicySummary", "RunState", "RunSummary", "StopReason", "list_runs", "running_runs"]
+
+StopReason = Literal["total_steps", "max_time", "target_return", "stopped", "interrupted"]
+"""Why training ended; ``stopped`` by the game or ``ludus control``, ``interrupted`` by a signal."""
+
+RunState = Literal["running", "finished", "stopped", "interrupted", "diverged", "crashed"]
+"""``running``: a process holds it; ``finished``: a limit was reached; ``stopped``: by the game or
+``ludus control``; ``interrupted``: by a signal; ``diverged``: a loss became NaN; ``crashed``: it
+ended without saying how."""
+
+CURVE_POINTS = 48
+MAX_BYTES = 1 << 20
+REASONS: tuple[str, ...] = typing.get_args(StopReason)
+
+
+@dataclass(frozen=True)
+class PolicySummary:
+    """One policy of a run.
+
+    Attributes:
+        mean_return: Of the last episodes; None before the first one ended.
+        curve: Mean returns from the start to now, evenly spaced; empty before that.
+        elo: Rating; None without self-play.
+        evaluation: Mean return of the evaluation at the end; None without one.
+    """
+
+    mean_return: float | None
+    curve: tuple[float, ...]
+    elo: float | None
+    evaluation: float | None
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """One run.
+
+    Attributes:
+        path: Its folder.
+        target: What is trained in.
+        state: Whether and how it has ended.
+        stop_reason: Why it ended, as in :class:`~ludus.training.progress.RunResult`; None while it
+            runs and after a crash.
+        started_at: When it was started or last resumed, seconds since 1970.
+        agent_steps: Agent steps so far.
+        updates: Updates so far.
+        wall_s: Seconds of training so far.
+        policies: By name.
+    """
+
+    path: Path
+    target: str
+    state: RunState
+    stop_reason: str | None
+    started_at: float
+    agent_steps: int
+    updates: int
+    wall_s: float
+    policies: dict[str, PolicySummary]
+
+
+def list_runs(folder: Path) -> list[RunSummary]:
+    """Return the runs in a folder, or the run that it is, the last one started first.
+
+    What is no run is passed over, and damaged files say nothing.
+
+    Raises:
+        OSError: ``folder`` is none, or may not be read.
+    """
+    paths = [folder] if _config(folder) else list(folder.iterdir())
+    found = [run for path in paths if (run := _summary(path)) is not None]
+    return sorted(found, key=lambda run: (run.started_at, run.path.name), reverse=True)
+
+
+def running_runs(folder: Path) -> list[RunFolder]:
+    """Return the runs in a folder that a process is training now; none if there is no folder."""
+    if not folder.is_dir():
+        return []
+    runs = (RunFolder(path) for path in sorted(folder.iterdir()) if _config(path))
+    return [run for run in runs if _is_running(run)]
+
+
+def _summary(path: Path) -> RunSummary | None:
+    config = _config(path)
+    if not config:
+        return None
+    folder = RunFolder(path)
+    lines = sample_metrics(folder.metrics, CURVE_POINTS)
+    is_running = _is_running(folder)
+    result = {} if is_running else _read_object(folder.result)
+    last: Mapping[str, Any] = result or (lines[-1] if lines else {})
+    reason = result.get("stop_reason")
+    return RunSummary(
+        path=path,
+        target=config["target"],
+        state="running" if is_running else _state(reason),
+        stop_reason=reason if isinstance(reason, str) else None,
+        started_at=(path / "config.json").stat().st_mtime,
+        agent_steps=int(_number(last, "agent_steps") or 0),
+        updates=int(_number(last, "updates") or 0),
+        wall_s=_number(last, "wall_s") or 0.0,
+        policies=_policies(config, lines, result),
+    )
+
+
+def _policies(
+    config: Mapping[str, Any], lines: Sequence[Mapping[str, Any]], result: Mapping[str, Any]
+) -> dict[str, PolicySummary]:
+    names = _object(config, "policies")
+    evaluation = _object(result, "evaluation")
+    return {name: _policy(lines, name, _number(evaluation, name)) for name in names}
+
+
+def _policy(
+    lines: Sequence[Mapping[str, Any]], name: str, evaluation: float | None
+) -> PolicySummary:
+    of_policy = [_object(line["policies"], name) for line in lines]
+    returns = [_number(values, "mean_return") for values in of_policy]
+    curve = tuple(value for value in returns if value is not None)
+    return PolicySummary(
+        mean_return=curve[-1] if curve else None,
+        curve=curve,
+        elo=_number(of_policy[-1], "elo") if of_policy else None,
+        evaluation=evaluation,
+    )
+
+
+def _state(reason: object) -> RunState:
+    if reason in {"stopped", "interrupted", "diverged"}:
+        return cast(RunState, reason)
+    return "finished" if reason in REASONS else "crashed"
+
+
+def _is_running(folder: RunFolder) -> bool:
+    try:
+        return folder.is_running()
+    except OSError:  # somebody else's, or on a disk that cannot be written to
+        return False
+
+
+def _config(path: Path) -> dict[str, Any]:
+    """Return the settings of a run; empty if ``path`` is none."""
+    config = _read_object(path / "config.json")
+    return config if isinstance(config.get("target"), str) else {}
+
+
+def _read_object(path: Path) -> dict[str, Any]:
+    """Return the object in a small JSON file; empty if there is none to be read."""
+    try:
+        with path.open("rb") as file:
+            values: Any = json.loads(file.read(MAX_BYTES))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return cast(dict[str, Any], values) if isinstance(values, dict) else {}
+
+
+def _object(values: Mapping[str, Any], name: str) -> dict[str, Any]:
+    value = values.get(name)
+    return cast(dict[str, Any], value) if isinstance(value, dict) else {}
+
+
+def _number(values: Mapping[str, Any], name: str) -> float | None:
+    value = values.get(name)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        return None
+    return float(value)

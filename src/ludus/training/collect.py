@@ -1,0 +1,146 @@
+"""Collecting experience: engines simulate while the learners work for another engine."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+from ludus.league.league import League
+from ludus.league.policy_slot import Seat
+from ludus.play.episodes import EpisodeTracker
+from ludus.pool.interface import Pool
+from ludus.spec.batch import Batch
+
+__all__ = ["CollectTimes", "Collector"]
+
+IDLE_STEPS = 32
+"""Steps between two moments of decision while no policy learns."""
+
+
+@dataclass
+class CollectTimes:
+    """Where the time of collecting went, seconds in sum.
+
+    Attributes:
+        wait_s: Waiting for engines.
+        act_s: Choosing actions and sending them.
+        record_s: Recording what came back.
+        learn_s: Learning while engines simulated.
+    """
+
+    wait_s: float = 0.0
+    act_s: float = 0.0
+    record_s: float = 0.0
+    learn_s: float = 0.0
+
+
+class Collector:
+    """Steps all engines of a pool, with one seat for each policy.
+
+    Engines take turns in a fixed order, so that equal seeds give equal runs: receive from one,
+    choose its next actions, send them, go on to the next. While actions are chosen for one engine
+    all the others simulate; while all simulate, learners that can do so learn.
+
+    Args:
+        pool: The engines.
+        seats: By policy.
+        trackers: By policy.
+        league: The same that the seats have; None without self-play.
+    """
+
+    def __init__(
+        self,
+        pool: Pool,
+        seats: Mapping[str, Seat],
+        trackers: Mapping[str, EpisodeTracker],
+        league: League | None = None,
+    ) -> None:
+        self._pool = pool
+        self._seats = seats
+        self._trackers = trackers
+        self._league = league
+        self._engines = range(pool.num_engines)
+        self._rows = [{name: pool.rows(name, k) for name in seats} for k in self._engines]
+        self.times = CollectTimes()
+
+    @property
+    def num_steps(self) -> int:
+        """Agent steps so far, of all policies."""
+        return sum(tracker.num_steps for tracker in self._trackers.values())
+
+    def reset(self, seed: int) -> None:
+        """Begin new episodes everywhere; drops what no learner has learnt from yet."""
+        batches = self._pool.reset(seed)
+        for engine in self._engines:
+            rows = self._rows[engine]
+            firsts = {name: first_rows(batches[name], rows[name]) for name in self._seats}
+            if self._league is not None:
+                self._league.begin(engine, firsts)
+            for name, seat in self._seats.items():
+                own = seat.begin(engine, firsts[name])
+                self._trackers[name].begin(rows[name], own)
+
+    def collect(self, is_stopping: Callable[[], bool]) -> bool:
+        """Step until a learner is due to update.
+
+        Args:
+            is_stopping: Asked before each step.
+
+        Returns:
+            Whether that was reached; False if ``is_stopping`` said so first.
+        """
+        in_flight = [False] * len(self._engines)
+        is_complete = True
+        for _ in range(self._num_steps_left()):
+            if is_stopping():
+                is_complete = False
+                break
+            for engine in self._engines:
+                if in_flight[engine]:
+                    self._receive(engine)
+                self._send(engine)
+                in_flight[engine] = True
+        for engine in self._engines:
+            if in_flight[engine]:
+                self._receive(engine)
+        return is_complete
+
+    def _num_steps_left(self) -> int:
+        left = (seat.num_steps_left for seat in self._seats.values())
+        return min((steps for steps in left if steps is not None), default=IDLE_STEPS)
+
+    def _send(self, engine: int) -> None:
+        start = time.perf_counter()
+        actions = {name: seat.act(engine) for name, seat in self._seats.items()}
+        self._pool.send(engine, actions)
+        sent = time.perf_counter()
+        for seat in self._seats.values():
+            seat.learn_meanwhile()
+        self.times.act_s += sent - start
+        self.times.learn_s += time.perf_counter() - sent
+
+    def _receive(self, engine: int) -> None:
+        start = time.perf_counter()
+        batches = self._pool.receive(engine)
+        received = time.perf_counter()
+        if self._league is not None:
+            self._league.record(engine, batches)
+        for name, seat in self._seats.items():
+            own = seat.record(engine, batches[name])
+            self._trackers[name].record(self._rows[engine][name], own)
+        self.times.wait_s += received - start
+        self.times.record_s += time.perf_counter() - received
+
+
+def first_rows(batch: Batch, rows: slice) -> Batch:
+    """Return a view of some slots of a batch that answers a reset, where nothing has ended."""
+    return replace(
+        batch,
+        observation={name: array[rows] for name, array in batch.observation.items()},
+        reward=batch.reward[rows],
+        terminated=batch.terminated[rows],
+        truncated=batch.truncated[rows],
+        active=batch.active[rows],
+        action_mask=None if batch.action_mask is None else batch.action_mask[rows],
+    )

@@ -1,0 +1,68 @@
+"""Which policy learns when: phases of modes, one after the other and over again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ludus.errors import ConfigError
+from ludus.settings.policy_config import Mode
+from ludus.settings.train_config import Phase, TrainConfig
+
+__all__ = ["ModeSchedule"]
+
+
+class ModeSchedule:
+    """The modes that a config asks for at each moment of a run.
+
+    Args:
+        config: With settings of every policy.
+
+    Raises:
+        ConfigError: A phase names a policy that the game does not have.
+    """
+
+    def __init__(self, config: TrainConfig) -> None:
+        self._base: dict[str, Mode] = {name: of.mode for name, of in config.policies.items()}
+        self._phases = config.schedule or _turns(self._base, config.alternate_every)
+        self._length = sum(phase.updates for phase in self._phases)
+        for phase in self._phases:
+            if unknown := sorted(phase.modes.keys() - self._base.keys()):
+                known = ", ".join(self._base)
+                raise ConfigError(
+                    f"schedule: there is no policy {unknown[0]}", f"policies of the game: {known}"
+                )
+
+    def at(self, updates: int) -> Mapping[str, Mode]:
+        """Return the mode of each policy after ``updates`` updates."""
+        if not self._phases:
+            return self._base
+        left = updates % self._length
+        for phase in self._phases:
+            if left < phase.updates:
+                return {name: phase.modes.get(name, mode) for name, mode in self._base.items()}
+            left -= phase.updates
+        raise AssertionError("phases cover their length")
+
+    def is_change(self, updates: int) -> bool:
+        """Return whether a phase begins after ``updates`` updates; the first one does at 0."""
+        if updates == 0:
+            return True
+        if not self._phases:
+            return False
+        left = updates % self._length
+        for phase in self._phases:
+            if left == 0:
+                return True
+            left -= phase.updates
+        return False
+
+
+def _turns(base: Mapping[str, Mode], updates: int | None) -> tuple[Phase, ...]:
+    """Return phases in which the policies that learn take turns."""
+    learning = [name for name, mode in base.items() if mode == "train"]
+    if updates is None or len(learning) < 2:
+        return ()
+    return tuple(
+        Phase(updates, {other: "frozen" for other in learning if other != name})
+        for name in learning
+    )

@@ -1,0 +1,391 @@
+"""The training loop: collect, update, measure, save, until it is time to stop."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from torch import Tensor
+
+from ludus.algorithms.learner import Learner
+from ludus.algorithms.learners import policy_seed
+from ludus.errors import DivergenceError, EngineError
+from ludus.league.league import League
+from ludus.league.policy_slot import Seat
+from ludus.networks.policy import Policy
+from ludus.play.episodes import EpisodeTracker
+from ludus.pool.interface import Pool
+from ludus.runs.checkpoint import Checkpoint, write_checkpoint
+from ludus.runs.metrics import MetricsLog
+from ludus.runs.random_state import random_state, restore_random_state
+from ludus.runs.run_folder import RunFolder
+from ludus.runs.run_list import StopReason
+from ludus.settings.merging import to_plain
+from ludus.settings.policy_config import Mode
+from ludus.settings.train_config import TrainConfig
+from ludus.training.callback import Attendant, RunAttendant
+from ludus.training.collect import Collector, CollectTimes
+from ludus.training.modes import ModeSchedule
+from ludus.training.progress import Progress, Reporter
+
+__all__ = ["Trainer"]
+
+log = logging.getLogger(__name__)
+
+SPEED_MEMORY = 0.9
+"""Weight of the past in the speed that progress shows."""
+
+
+class Trainer:
+    """All that changes while a run goes on.
+
+    Call :meth:`resume` or not, then :meth:`run`, which may be called again to go on.
+
+    Attributes:
+        updates: Updates so far.
+        wall_s: Seconds of training so far, over all resumptions.
+    """
+
+    def __init__(
+        self, config: TrainConfig, pool: Pool, learners: Mapping[str, Learner], folder: RunFolder
+    ) -> None:
+        self.updates = 0
+        self.wall_s = 0.0
+        self._config = config
+        self._pool = pool
+        self._folder = folder
+        self._learners = learners
+        self._trackers = {
+            name: EpisodeTracker(pool.num_agents(name), config.return_window) for name in learners
+        }
+        policies = {name: learner.policy for name, learner in learners.items()}
+        self._league = make_league(config, pool, policies)
+        self._seats = {name: self._make_seat(learner) for name, learner in learners.items()}
+        self._collector = Collector(pool, self._seats, self._trackers, self._league)
+        self._schedule = ModeSchedule(config)
+        self._store = folder.checkpoints(config.keep_checkpoints)
+        self._steps_per_s = 0.0
+        self._saved_at_s, self._saved_at_update = 0.0, 0
+        self._has_begun = False
+
+    def _make_seat(self, learner: Learner) -> Seat:
+        name = learner.policy.spec.name
+        slots = [learner.policy.spec.num_agents] * self._pool.num_engines
+        seed = policy_seed((self._config.seed or 0) + 1, name)
+        return Seat(learner, slots, seed, self._league)
+
+    @property
+    def agent_steps(self) -> int:
+        """Agent steps so far, of all policies."""
+        return self._collector.num_steps
+
+    def mean_returns(self) -> dict[str, float]:
+        """Return the mean of the last episodes of each policy that had any."""
+        return {
+            name: float(np.mean(tracker.returns))
+            for name, tracker in self._trackers.items()
+            if tracker.returns
+        }
+
+    def status(self) -> dict[str, Any]:
+        """Return what games are told of the run (PROTOCOL.md §8)."""
+        returns = self.mean_returns()
+        policies = {
+            name: {"mode": seat.mode, "mean_return": returns.get(name)}
+            for name, seat in self._seats.items()
+        }
+        return {"agent_steps": self.agent_steps, "updates": self.updates, "policies": policies}
+
+    def resume(self, checkpoint: Checkpoint) -> None:
+        """Take everything from a checkpoint but the worlds, which begin new episodes.
+
+        Raises:
+            CheckpointError: It does not fit the networks.
+        """
+        for name, learner in self._learners.items():
+            learner.load_state(checkpoint.learners[name])
+            self._trackers[name].load_state(checkpoint.run["episodes"][name])
+            self._seats[name].load_state(checkpoint.run["seats"][name])
+        if self._league is not None and "league" in checkpoint.run:
+            self._league.load_state(checkpoint.league, checkpoint.run["league"])
+        for name, mode in self._changed_modes(checkpoint).items():
+            self.set_mode(name, mode)
+        self._note_learning()
+        self.updates = int(checkpoint.run["updates"])
+        self.wall_s = float(checkpoint.run["wall_s"])
+        self._saved_at_s, self._saved_at_update = self.wall_s, self.updates
+        restore_random_state(checkpoint.run["random"])
+
+    def _changed_modes(self, checkpoint: Checkpoint) -> dict[str, Mode]:
+        """Return the modes of policies that the settings now want otherwise than before."""
+        before = checkpoint.config["policies"]
+        return {
+            name: settings.mode
+            for name, settings in self._config.policies.items()
+            if settings.mode != before[name]["mode"]
+        }
+
+    def begin(self) -> None:
+        """Put every policy into its first mode; :meth:`run` does it otherwise."""
+        if self.updates == 0 and not self._has_begun:
+            self._advance()
+        self._has_begun = True
+
+    def run(
+        self,
+        is_stopping: Callable[[], bool],
+        reporter: Reporter,
+        attendant: Attendant | None = None,
+    ) -> StopReason:
+        """Train until a limit of the config is reached or somebody says so.
+
+        The last state is saved on every way out but a hard one, and but divergence, which is
+        saved elsewhere.
+
+        Args:
+            is_stopping: Asked before each step.
+            reporter: Is told how it goes.
+            attendant: Looks after the games; None: as ``ludus train`` does.
+
+        Raises:
+            DivergenceError: A loss became NaN or infinite.
+            EngineError: An engine failed for good.
+            RunError: A file cannot be written.
+        """
+        self.begin()
+        self.save()
+        attendant = attendant or RunAttendant(self, self._pool, self._folder.control)
+        metrics = MetricsLog(self._folder.path, self.agent_steps)
+        try:
+            self._reset()
+            reason = self._loop(is_stopping, reporter, attendant, metrics)
+        except DivergenceError as error:
+            raise self._save_diverged(error) from None
+        except EngineError:
+            self.save()
+            raise
+        finally:
+            metrics.close()
+        self.save()
+        return reason
+
+    def _loop(
+        self,
+        is_stopping: Callable[[], bool],
+        reporter: Reporter,
+        attendant: Attendant,
+        metrics: MetricsLog,
+    ) -> StopReason:
+        while (reason := self._reason_to_stop()) is None:
+            start, steps_before = time.perf_counter(), self.agent_steps
+            times = self._times()
+            interruption = self._collect(is_stopping, attendant)
+            update_start = time.perf_counter()
+            losses = self._update() if interruption is None else {}
+            end = time.perf_counter()
+            self.wall_s += end - start
+            if interruption is not None:
+                return interruption
+            shares = self._shares(times, end - update_start, end - start)
+            speed = (self.agent_steps - steps_before) / (end - start)
+            policies = {name: self._policy_metrics(name, losses) for name in self._learners}
+            metrics.write(self._run_metrics(speed, shares), policies)
+            reporter.updated(self._progress(speed, policies))
+            self._advance()
+            if self._is_time_to_save():
+                self.save()
+                if self._config.exact_resume:
+                    self._reset()
+            self._keep()
+            if attendant.attend():
+                return "stopped"
+        return reason
+
+    def _collect(self, is_stopping: Callable[[], bool], attendant: Attendant) -> StopReason | None:
+        """Step until a learner is due to update; return why that was not reached, or None."""
+
+        def is_pausing() -> bool:
+            return is_stopping() or attendant.is_needed()
+
+        while not self._collector.collect(is_pausing):
+            if is_stopping():
+                return "interrupted"
+            if attendant.attend():
+                return "stopped"
+        return None
+
+    def _reset(self) -> None:
+        """Begin new episodes, in worlds that depend on the seed and the update only."""
+        seed = self._config.seed or 0
+        if self.updates:
+            words = np.random.SeedSequence((seed, self.updates)).generate_state(1, np.uint64)
+            seed = int(words[0] >> np.uint64(2))
+        self._collector.reset(seed)
+
+    def _update(self) -> dict[str, dict[str, float]]:
+        progress = min(1.0, self.agent_steps / self._config.total_steps)
+        losses = {
+            name: seat.learner.update(progress)
+            for name, seat in self._seats.items()
+            if seat.num_steps_left == 0
+        }
+        self.updates += 1
+        return losses
+
+    # --- who learns -----------------------------------------------------------------------------
+
+    def _advance(self) -> None:
+        """Begin what is due after an update: a phase of the schedule, other opponents."""
+        if self._schedule.is_change(self.updates):
+            for name, mode in self._schedule.at(self.updates).items():
+                self.set_mode(name, mode)
+        if self._league is not None:
+            self._league.advance(self.updates)
+
+    def set_mode(self, policy: str, mode: Mode) -> None:
+        """Put a policy into another mode; never while engines are in a step.
+
+        What it has collected and not learnt from yet is dropped.
+        """
+        if self._seats[policy].mode != mode:
+            log.info("policy %s: %s, after %d updates", policy, mode, self.updates)
+            self._seats[policy].set_mode(mode)
+        self._note_learning()
+
+    def _note_learning(self) -> None:
+        if self._league is not None:
+            learning = (name for name, seat in self._seats.items() if seat.mode == "train")
+            self._league.learning = frozenset(learning)
+
+    def _reason_to_stop(self) -> StopReason | None:
+        config = self._config
+        if self.agent_steps >= config.total_steps:
+            return "total_steps"
+        if config.max_time_s is not None and self.wall_s >= config.max_time_s:
+            return "max_time"
+        if config.target_return is None:
+            return None
+        is_there = all(
+            len(tracker.returns) == config.return_window
+            and np.mean(tracker.returns) >= config.target_return
+            for tracker in self._trackers.values()
+        )
+        return "target_return" if is_there else None
+
+    # --- measuring ------------------------------------------------------------------------------
+
+    def _times(self) -> CollectTimes:
+        return replace(self._collector.times)
+
+    def _shares(self, before: CollectTimes, update_s: float, total_s: float) -> dict[str, float]:
+        now = self._collector.times
+        return {
+            "wait_share": (now.wait_s - before.wait_s) / total_s,
+            "act_share": (now.act_s - before.act_s) / total_s,
+            "record_share": (now.record_s - before.record_s) / total_s,
+            "update_share": (update_s + now.learn_s - before.learn_s) / total_s,
+        }
+
+    def _run_metrics(self, speed: float, shares: dict[str, float]) -> dict[str, float]:
+        return {
+            "agent_steps": self.agent_steps,
+            "updates": self.updates,
+            "wall_s": self.wall_s,
+            "steps_per_s": speed,
+            **shares,
+            "restarts": self._pool.num_restarts,
+        }
+
+    def _policy_metrics(
+        self, name: str, losses: Mapping[str, dict[str, float]]
+    ) -> dict[str, float]:
+        tracker, seat = self._trackers[name], self._seats[name]
+        values = tracker.summary() | {"episodes": float(tracker.num_episodes)}
+        values["is_learning"] = float(seat.mode == "train")
+        if self._league is not None:
+            values["elo"] = self._league.ratings[name]
+        return values | losses.get(name, {})
+
+    def _progress(self, speed: float, policies: Mapping[str, Mapping[str, float]]) -> Progress:
+        memory = SPEED_MEMORY if self._steps_per_s else 0.0
+        self._steps_per_s = memory * self._steps_per_s + (1.0 - memory) * speed
+        left_s = (self._config.total_steps - self.agent_steps) / max(self._steps_per_s, 1e-9)
+        if self._config.max_time_s is not None:
+            left_s = min(left_s, self._config.max_time_s - self.wall_s)
+        return Progress(
+            agent_steps=self.agent_steps,
+            total_steps=self._config.total_steps,
+            wall_s=self.wall_s,
+            time_left_s=max(0.0, left_s),
+            steps_per_s=self._steps_per_s,
+            policies=policies,
+            restarts=self._pool.num_restarts,
+            modes={name: seat.mode for name, seat in self._seats.items()},
+        )
+
+    # --- saving ---------------------------------------------------------------------------------
+
+    def _is_time_to_save(self) -> bool:
+        every_s, every = self._config.checkpoint_every_s, self._config.checkpoint_every_updates
+        is_time = every_s is not None and self.wall_s - self._saved_at_s >= every_s
+        return is_time or (every is not None and self.updates - self._saved_at_update >= every)
+
+    def save(self) -> None:
+        """Write a checkpoint, unless one of the same step is there.
+
+        Raises:
+            RunError: The disk is full, or the folder may not be written to.
+        """
+        path = self._store.write(self._checkpoint())
+        self._saved_at_s, self._saved_at_update = self.wall_s, self.updates
+        log.debug("saved %s", path)
+
+    def _keep(self) -> None:
+        """Write a checkpoint that stays for ever, if it is time for one."""
+        every = self._config.keep_every_updates
+        if every is not None and self.updates % every == 0:
+            path = self._store.keep(self._checkpoint(), self.updates)
+            log.debug("saved %s", path)
+
+    def _save_diverged(self, error: DivergenceError) -> DivergenceError:
+        path = self._folder.diverged
+        write_checkpoint(path, self._checkpoint())
+        log.error("%s; the state is in %s", error.message, path)
+        saved = f"the state is in {path}, and the last good checkpoint in {self._store.folder}"
+        return DivergenceError(error.message, f"{error.hint}; {saved}")
+
+    def _checkpoint(self) -> Checkpoint:
+        returns = self.mean_returns().values()
+        run: dict[str, Any] = {
+            "updates": self.updates,
+            "wall_s": self.wall_s,
+            "episodes": {name: tracker.state() for name, tracker in self._trackers.items()},
+            "seats": {name: seat.state() for name, seat in self._seats.items()},
+            "random": random_state(),
+        }
+        league: dict[str, Tensor] = {}
+        if self._league is not None:
+            league, run["league"] = self._league.state()
+        policies = self._pool.policies
+        return Checkpoint(
+            agent_steps=self.agent_steps,
+            mean_return=float(np.mean(list(returns))) if returns else None,
+            learners={name: learner.state() for name, learner in self._learners.items()},
+            specs={name: policy.to_json() for name, policy in policies.items()},
+            fingerprints={name: policy.fingerprint() for name, policy in policies.items()},
+            config=to_plain(self._config),
+            run=run,
+            league=league,
+        )
+
+
+def make_league(config: TrainConfig, pool: Pool, policies: Mapping[str, Policy]) -> League | None:
+    """Return the league of a run, None without self-play."""
+    if config.league.share == 0:
+        return None
+    seed = policy_seed(config.seed or 0, "league")
+    return League(config.league, pool.policies, policies, pool.num_engines, seed)

@@ -1,0 +1,96 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ludus.errors import SequenceError, TargetError
+from ludus.pool.gymnasium_pool import GymnasiumPool
+from ludus.pool.interface import Pool
+from ludus.spec.batch import ActionBatch
+
+
+def actions(pool: Pool, engine: int | None = None) -> dict[str, ActionBatch]:
+    spec = pool.policies["agent"]
+    count = pool.num_agents("agent") if engine is None else spec.num_agents
+    return {"agent": ActionBatch.zeros(spec, count)}
+
+
+def test_same_step_autoreset_on_truncation() -> None:
+    pool = GymnasiumPool("Truncated-v0", num_worlds=2, num_engines=2)
+    assert pool.policies["agent"].max_episode_steps == 5
+    batch = pool.reset(0)["agent"]
+    assert batch.active.all()
+    for step in range(1, 11):
+        batch = pool.step(actions(pool))["agent"]
+        is_last = step % 5 == 0
+        assert batch.truncated.tolist() == [is_last] * 4
+        assert not batch.terminated.any()
+        assert batch.final_index.tolist() == ([0, 1, 2, 3] if is_last else [])
+    pool.close()
+
+
+def test_final_observation_is_the_old_episodes_and_observation_the_new_ones() -> None:
+    pool = GymnasiumPool("Terminated-v0", num_worlds=1)
+    pool.reset(0)
+    for _ in range(4):
+        pool.step(actions(pool))
+    batch = pool.step(actions(pool))["agent"]
+    assert batch.terminated.tolist() == [True]
+    assert batch.final_observation["observation"].tolist() == [[1.0]]
+    assert batch.observation["observation"].tolist() == [[0.0]]
+
+
+def test_send_and_receive_one_engine() -> None:
+    pool = GymnasiumPool("Identity-discrete-v0", num_worlds=3, num_engines=2)
+    first = pool.reset(5)["agent"].observation["observation"]
+    again = GymnasiumPool("Identity-discrete-v0", num_worlds=6).reset(5)["agent"]
+    np.testing.assert_array_equal(first, again.observation["observation"])
+    with pytest.raises(SequenceError, match="nothing was sent"):
+        pool.receive(1)
+    pool.send(1, actions(pool, 1))
+    with pytest.raises(SequenceError, match="twice"):
+        pool.send(1, actions(pool, 1))
+    batch = pool.receive(1)["agent"]
+    paid = first[3:, 0] == 1.0
+    np.testing.assert_array_equal(batch.reward, paid.astype(np.float32))
+
+
+def test_refuses_to_step_before_reset() -> None:
+    pool = GymnasiumPool("Identity-discrete-v0")
+    with pytest.raises(SequenceError, match="before reset"):
+        pool.step(actions(pool))
+
+
+def test_dictionaries_images_and_shifted_actions() -> None:
+    pool = GymnasiumPool("Pictures-v0", num_worlds=2)
+    spec = pool.policies["agent"]
+    assert [(e.name, e.dtype, e.shape) for e in spec.observation] == [
+        ("image", "uint8", (12, 12, 1)),
+        ("number", "float32", (1,)),
+    ]
+    batch = pool.reset(0)["agent"]
+    bright = batch.observation["image"][:, 0, 6, 0] > 0
+    right = ActionBatch(bright[:, None].astype(np.int64), np.zeros((2, 0), np.float32))
+    batch = pool.step({"agent": right})["agent"]
+    assert batch.reward.tolist() == [1.0, 1.0]
+    assert batch.final_observation["image"].shape == (2, 12, 12, 1)
+
+
+def test_masks_and_bounds() -> None:
+    masked = GymnasiumPool("Masked-v0", num_worlds=2)
+    mask = masked.reset(0)["agent"].action_mask
+    assert mask is not None
+    assert mask.sum(1).tolist() == [2, 2]
+    low, high = GymnasiumPool("Identity-continuous-v0").policies["agent"].continuous_bounds()
+    assert (low.tolist(), high.tolist()) == ([-2.0, -2.0], [6.0, 6.0])
+
+
+@pytest.mark.parametrize("env_id", ["Nowhere-v0", "no_such_module:Nowhere-v0"])
+def test_unknown_environment(env_id: str) -> None:
+    with pytest.raises(TargetError, match="cannot make"):
+        GymnasiumPool(env_id)
+
+
+def test_unsupported_space() -> None:
+    with pytest.raises(TargetError, match="cannot train on the observation"):
+        GymnasiumPool("FrozenLake-v1")
