@@ -186,6 +186,7 @@ def test_a_run_that_exists_is_not_overwritten(
     assert "exists already" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("signum", "exit_code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_saves_and_says_how_to_go_on(signum: int, exit_code: int, tmp_path: Path) -> None:
     arguments = [*SMALL, "--runs", str(tmp_path), "--name", "r", "--total-steps", "100000000"]

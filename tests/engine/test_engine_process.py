@@ -28,7 +28,7 @@ from ludus.engine.launch import (
 )
 from ludus.engine.process import EngineProcess
 from ludus.engine.project import find_project
-from ludus.errors import ConfigError, EngineStartError, SetupError
+from ludus.errors import ConfigError, EngineStartError
 
 FAMILY = """
 import subprocess, sys, time
@@ -366,20 +366,8 @@ def test_commands_of_both_godots(tmp_path: Path) -> None:
     )  # fmt: skip
 
 
-def test_window_gets_a_screen(bare_machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("DISPLAY", ":0")
-    assert with_display(("godot",)) == ("godot",)
-    monkeypatch.delenv("DISPLAY")
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    with pytest.raises(SetupError, match="screen"):
-        with_display(("godot",))
-    runner = bare_machine / "xvfb-run"
-    runner.touch(mode=0o755)
-    assert str(runner) in with_display(("godot",))
-    assert with_display(("godot",))[-1] == "godot"
-
-
 @pytest.mark.engine
+@pytest.mark.screen
 def test_a_screen_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
