@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from ludus.cli import train as train_command
-from ludus.cli.live import sparkline
+from ludus.cli.figures import sparkline
 from ludus.cli.main import main
 from ludus.errors import ConfigError
 from ludus.settings.train_config import PPOConfig, SACConfig, TrainConfig

@@ -15,10 +15,10 @@ from pathlib import Path
 from ludus.engine.find import InstalledEngine
 from ludus.engine.kinds import EngineKind
 from ludus.engine.launch import LaunchConfig
-from ludus.engine.locks import file_lock
 from ludus.engine.process import EngineProcess
 from ludus.engine.project import Project
 from ludus.errors import EngineStartError, EngineTimeout, SetupError
+from ludus.locks import file_lock
 
 __all__ = ["STAMP_NAME", "ensure_imported", "needs_import"]
 
