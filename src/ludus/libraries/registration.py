@@ -27,7 +27,7 @@ GYM_GODOT_IDS = ("ludus/GymGodot-v0", "server-v0")
 
 
 def register_examples() -> None:
-    """Register the bundled examples, and the older bridges, with Gymnasium."""
+    """Register the bundled examples, and the legacy bridges, with Gymnasium."""
     for environment_id, example in ENVIRONMENT_IDS.items():
         cast(Any, gymnasium).register(
             id=environment_id,
