@@ -23,8 +23,8 @@ from ludus.session.engine_session import EngineSession
 from ludus.settings.train_config import PPOConfig
 from ludus.spec.batch import Batch
 from ludus.training.loop import train
-from tests.training.duel import chooser, make_project
-from tests.training.trained_runs import SIMPLE, make_policy
+from tests.export.trained_runs import SIMPLE, make_policy
+from tests.league.duel import chooser, make_project
 
 GAMES = TournamentConfig(episodes=6)
 
