@@ -25,7 +25,7 @@ def test_equals_algorithm_1() -> None:
         own(torch.randn(4, 3)).square().sum().backward()
         gradient = _joined(own, "grad")
         length = np.linalg.norm(gradient)
-        assert adam.shorten_gradients(limit).item() == pytest.approx(length, rel=1e-5)
+        assert adam.clip_grad_norm(limit).item() == pytest.approx(length, rel=1e-5)
         gradient *= min(1.0, limit / length)
         mean = 0.9 * mean + 0.1 * gradient
         square = 0.999 * square + 0.001 * gradient**2
@@ -45,7 +45,7 @@ def test_short_gradients_stay() -> None:
     adam = Adam(own.parameters(), 1e-5)
     own(torch.zeros(1, 3)).sum().backward()
     before = [parameter.grad.clone() for parameter in own.parameters()]
-    adam.shorten_gradients(1e6)
+    adam.clip_grad_norm(1e6)
     assert all(torch.equal(a, p.grad) for a, p in zip(before, own.parameters(), strict=True))
 
 

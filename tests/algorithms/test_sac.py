@@ -68,7 +68,7 @@ def play(sac: SAC, steps: int, seed: int = 0, *, learns: bool = True) -> list[An
             taken = sac.act(engine)
             actions.append((taken.discrete.copy(), taken.continuous.copy()))
             if learns:
-                sac.learn_meanwhile()
+                sac.learn_while_stepping()
             sac.record(engine, batch(sac.policy.spec, random))
     return actions
 

@@ -20,7 +20,7 @@ from ludus.model.json_file import read_model
 from ludus.model.policy_model import PolicyModel
 from ludus.networks.policy import Policy
 from ludus.spec import PolicySpec
-from tests.training.trained_runs import MIXED, SIMPLE, make_policy, make_run
+from tests.export.trained_runs import MIXED, SIMPLE, make_policy, make_run
 
 RUN = Path("runs/r")
 

@@ -10,7 +10,7 @@ import torch
 
 from ludus.errors import ConfigError
 from ludus.league.league import LIVE, League
-from ludus.league.matches import MatchTracker, Sides, expected_score, score
+from ludus.league.matches import MatchTracker, Teams, expected_score, score
 from ludus.networks.policy import Policy
 from ludus.settings.train_config import LeagueConfig, PPOConfig
 from ludus.spec import AgentSpec, DiscreteAction, ObservationEntry, PolicySpec
@@ -67,28 +67,28 @@ def test_the_higher_return_wins() -> None:
     assert [score(returns, 0, 1) for returns in ([1, 0], [0, 1], [2, 2])] == [1.0, 0.0, 0.5]
 
 
-def test_returns_of_sides_are_summed_until_the_game_ends() -> None:
-    tracker = MatchTracker(Sides.of(MIRROR))
+def test_returns_of_a_team_are_summed_until_the_game_ends() -> None:
+    tracker = MatchTracker(Teams.of(MIRROR))
     tracker.begin(batches(MIRROR))
     reward = np.arange(12, dtype=np.float32)
     assert len(tracker.record(batches(MIRROR, reward={"twin": reward})).worlds) == 0
     over = np.zeros(12, np.bool_)
     over[[4, 5]] = True  # both agents of world 2
-    ended = tracker.record(batches(MIRROR, reward={"twin": reward}, terminated={"twin": over}))
-    assert ended.worlds.tolist() == [2]
-    assert ended.returns.tolist() == [[8.0, 10.0]]
-    ended = tracker.record(batches(MIRROR, reward={"twin": reward}, truncated={"twin": over}))
-    assert ended.returns.tolist() == [[4.0, 5.0]]  # a new game
+    finished = tracker.record(batches(MIRROR, reward={"twin": reward}, terminated={"twin": over}))
+    assert finished.worlds.tolist() == [2]
+    assert finished.returns.tolist() == [[8.0, 10.0]]
+    finished = tracker.record(batches(MIRROR, reward={"twin": reward}, truncated={"twin": over}))
+    assert finished.returns.tolist() == [[4.0, 5.0]]  # a new game
 
 
 def test_rewards_of_inactive_agents_do_not_count() -> None:
-    tracker = MatchTracker(Sides.of(DUEL))
+    tracker = MatchTracker(Teams.of(DUEL))
     active = np.asarray([True] + [False] * 5)
     tracker.begin(batches(DUEL, active={"hero": active}))
     over = {"terminated": {"hero": np.ones(6, np.bool_)}}
-    ended = tracker.record(batches(DUEL, reward={"hero": 3.0, "foe": 1.0}, **over))
-    assert ended.worlds.tolist() == [0]
-    assert ended.returns.tolist() == [[3.0, 1.0]]
+    finished = tracker.record(batches(DUEL, reward={"hero": 3.0, "foe": 1.0}, **over))
+    assert finished.worlds.tolist() == [0]
+    assert finished.returns.tolist() == [[3.0, 1.0]]
 
 
 @pytest.mark.parametrize(
@@ -98,12 +98,12 @@ def test_rewards_of_inactive_agents_do_not_count() -> None:
         ({"a": spec("a"), "b": spec("b", episode="agent")}, "those of policy b are not"),
     ],
 )
-def test_games_that_have_no_sides_are_refused(specs: dict[str, PolicySpec], text: str) -> None:
+def test_games_without_two_teams_are_refused(specs: dict[str, PolicySpec], text: str) -> None:
     with pytest.raises(ConfigError, match=text):
-        Sides.of(specs)
+        Teams.of(specs)
 
 
-def test_one_side_of_every_world_learns_and_the_other_is_of_the_past() -> None:
+def test_one_team_of_every_world_learns_and_the_other_is_of_the_past() -> None:
     one = league(DUEL)
     one.advance(0)
     one.begin(0, batches(DUEL))
@@ -120,7 +120,7 @@ def test_agents_of_one_policy_play_against_their_past() -> None:
     assert (np.sort(pairs, axis=1) == [LIVE, 0]).all()
 
 
-def test_only_a_side_that_learns_meets_the_past() -> None:
+def test_only_a_team_that_learns_meets_the_past() -> None:
     one = league(DUEL)
     one.advance(0)
     one.learning = frozenset({"foe"})

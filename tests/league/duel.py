@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 
 from ludus.addon import install_addon
-from ludus.league.players import Entrant
+from ludus.league.players import LeaguePlayer
 from ludus.networks.policy import Policy
 from ludus.settings.train_config import PPOConfig
 from ludus.spec import PolicySpec
@@ -82,7 +82,7 @@ def make_project(folder: Path) -> Path:
     return folder
 
 
-def chooser(spec: PolicySpec, choice: int, *, is_newest: bool = False) -> Entrant:
+def chooser(spec: PolicySpec, choice: int, *, is_newest: bool = False) -> LeaguePlayer:
     """Return a player that always makes the same choice, and is as many updates old."""
     policy = Policy(spec, SETTINGS)
     state = {name: tensor.clone() for name, tensor in policy.state_dict().items()}
@@ -92,4 +92,4 @@ def chooser(spec: PolicySpec, choice: int, *, is_newest: bool = False) -> Entran
     )
     state[weight].zero_()
     state[bias].copy_(100.0 * torch.eye(NUM_CHOICES)[choice])
-    return Entrant(spec.name, choice, is_newest, None, SETTINGS, state)
+    return LeaguePlayer(spec.name, choice, is_newest, None, SETTINGS, state)

@@ -15,7 +15,7 @@ import torch
 
 from ludus.errors import CheckpointError, ConfigError, RunError
 from ludus.league import tournament
-from ludus.league.players import load_entrants, thin_out
+from ludus.league.players import load_players, subsample
 from ludus.league.tournament import TournamentConfig, play_tournament
 from ludus.networks.policy import Player
 from ludus.pool import EnginePool, PoolConfig, open_pool
@@ -23,8 +23,8 @@ from ludus.session.engine_session import EngineSession
 from ludus.settings.train_config import PPOConfig
 from ludus.spec.batch import Batch
 from ludus.training.loop import train
-from tests.training.duel import chooser, make_project
-from tests.training.trained_runs import SIMPLE, make_policy
+from tests.export.trained_runs import SIMPLE, make_policy
+from tests.league.duel import chooser, make_project
 
 GAMES = TournamentConfig(episodes=6)
 
@@ -52,10 +52,10 @@ def players(pool: EnginePool, policy: str, *choices: int) -> Any:
 @pytest.mark.parametrize("pool", ["duel"], indirect=True)
 @pytest.mark.parametrize("is_deterministic", [False, True])
 def test_every_two_players_meet_as_often(pool: EnginePool, is_deterministic: bool) -> None:
-    entrants = {"hero": players(pool, "hero", 0, 1, 3), "foe": players(pool, "foe", 2, 1)}
+    league_players = {"hero": players(pool, "hero", 0, 1, 3), "foe": players(pool, "foe", 2, 1)}
     seen: list[tuple[int, int]] = []
     config = TournamentConfig(episodes=6, is_deterministic=is_deterministic)
-    (table,) = play_tournament(entrants, pool, config, lambda *of: seen.append(of))  # pyright: ignore
+    (table,) = play_tournament(league_players, pool, config, lambda *of: seen.append(of))  # pyright: ignore
     assert [player.updates for player in table.rows] == [0, 1, 3]
     assert [player.is_newest for player in table.columns] == [False, True]
     assert table.wins.tolist() == [[0, 0], [0, 0], [6, 6]]
@@ -67,7 +67,7 @@ def test_every_two_players_meet_as_often(pool: EnginePool, is_deterministic: boo
 
 @pytest.mark.engine
 @pytest.mark.parametrize("pool", ["mirror"], indirect=True)
-def test_players_of_one_policy_meet_on_both_sides(pool: EnginePool) -> None:
+def test_players_of_one_policy_meet_in_both_teams(pool: EnginePool) -> None:
     (table,) = play_tournament({"twin": players(pool, "twin", 2, 1, 3)}, pool, GAMES)
     assert table.rows == table.columns
     assert table.wins.tolist() == [[0, 6, 0], [0, 0, 0], [6, 6, 0]]
@@ -84,12 +84,12 @@ def test_one_player_alone_has_nobody_to_meet(pool: EnginePool) -> None:
 @pytest.mark.engine
 @pytest.mark.parametrize("pool", ["trio"], indirect=True)
 def test_three_policies_make_three_tables(pool: EnginePool) -> None:
-    entrants = {
+    league_players = {
         "hero": players(pool, "hero", 0, 2),
         "foe": players(pool, "foe", 3, 1),
         "third": players(pool, "third", 1),
     }
-    tables = play_tournament(entrants, pool, GAMES)
+    tables = play_tournament(league_players, pool, GAMES)
     found = {
         (table.rows[0].policy, table.columns[0].policy): table.shares.tolist() for table in tables
     }
@@ -103,7 +103,7 @@ def test_three_policies_make_three_tables(pool: EnginePool) -> None:
 @pytest.mark.engine
 @pytest.mark.parametrize("pool", ["duel"], indirect=True)
 def test_games_of_an_engine_that_died_are_played_again(pool: EnginePool) -> None:
-    entrants = {"hero": players(pool, "hero", 3), "foe": players(pool, "foe", 2)}
+    league_players = {"hero": players(pool, "hero", 3), "foe": players(pool, "foe", 2)}
     (first, _) = cast(list[EngineSession], pool.sessions)
     assert first.pid is not None
     alive = [first.pid]
@@ -113,7 +113,7 @@ def test_games_of_an_engine_that_died_are_played_again(pool: EnginePool) -> None
             os.kill(alive.pop(), signal.SIGKILL)
 
     config = TournamentConfig(episodes=40)
-    (table,) = play_tournament(entrants, pool, config, kill_one)
+    (table,) = play_tournament(league_players, pool, config, kill_one)
     assert pool.num_restarts == 1
     assert table.wins.tolist() == [[40]]
 
@@ -124,9 +124,9 @@ def test_games_that_do_not_end_are_given_up(
     pool: EnginePool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tournament, "MAX_STEPS", 2)
-    entrants = {"hero": players(pool, "hero", 3), "foe": players(pool, "foe", 2)}
+    league_players = {"hero": players(pool, "hero", 3), "foe": players(pool, "foe", 2)}
     with pytest.raises(RunError, match="no game ended within 2 steps"):
-        play_tournament(entrants, pool, GAMES)
+        play_tournament(league_players, pool, GAMES)
 
 
 def test_a_player_forgets_single_slots() -> None:
@@ -155,26 +155,26 @@ def test_a_game_of_one_agent_is_refused(small: Any) -> None:
     from ludus.pool.gymnasium_pool import GymnasiumPool
 
     run = train(small()).run
-    _, _, entrants = load_entrants(run)
+    _, _, league_players = load_players(run)
     with pytest.raises(ConfigError, match="agent is the only agent of a world"):
-        play_tournament(entrants, GymnasiumPool("Identity-discrete-v0"), GAMES)
+        play_tournament(league_players, GymnasiumPool("Identity-discrete-v0"), GAMES)
 
 
 def test_without_a_league_older_checkpoints_are_the_past(small: Any) -> None:
     run = train(small(checkpoint_every_updates=2, keep_checkpoints=4)).run
-    path, newest, entrants = load_entrants(run)
+    path, newest, league_players = load_players(run)
     assert path.name == f"step-{newest.agent_steps:012d}" == "step-000000000640"
-    agents = entrants["agent"]
+    agents = league_players["agent"]
     assert [agent.updates for agent in agents] == [4, 6, 8, 10]
     assert [agent.is_newest for agent in agents] == [False, False, False, True]
     earlier = run / "checkpoints" / "step-000000000384"
-    assert [agent.updates for agent in load_entrants(earlier)[2]["agent"]] == [4, 6]
+    assert [agent.updates for agent in load_players(earlier)[2]["agent"]] == [4, 6]
 
 
 def test_a_damaged_checkpoint_is_left_out(small: Any) -> None:
     run = train(small(checkpoint_every_updates=2, keep_checkpoints=4)).run
     (run / "checkpoints" / "step-000000000384" / "tensors.safetensors").write_bytes(b"no")
-    assert [agent.updates for agent in load_entrants(run)[2]["agent"]] == [4, 8, 10]
+    assert [agent.updates for agent in load_players(run)[2]["agent"]] == [4, 8, 10]
 
 
 def test_a_league_of_another_shape_is_corrupt(small: Any) -> None:
@@ -184,13 +184,13 @@ def test_a_league_of_another_shape_is_corrupt(small: Any) -> None:
     values["run"]["league"] = {"past": 3, "ratings": {}}
     state.write_text(json.dumps(values))
     with pytest.raises(CheckpointError, match=r"step-000000000640 is corrupt"):
-        load_entrants(run)
+        load_players(run)
 
 
-def test_thinning_out_keeps_the_first_and_the_last(small: Any) -> None:
+def test_subsampling_keeps_the_first_and_the_last(small: Any) -> None:
     run = train(small(checkpoint_every_updates=1, keep_checkpoints=99)).run
-    agents = load_entrants(run)[2]["agent"]
+    agents = load_players(run)[2]["agent"]
     assert [agent.updates for agent in agents] == list(range(11))
-    assert [agent.updates for agent in thin_out(agents, 3)] == [0, 5, 10]
-    assert [agent.updates for agent in thin_out(agents, 2)] == [0, 10]
-    assert thin_out(agents, 11) == thin_out(agents, 99) == agents
+    assert [agent.updates for agent in subsample(agents, 3)] == [0, 5, 10]
+    assert [agent.updates for agent in subsample(agents, 2)] == [0, 10]
+    assert subsample(agents, 11) == subsample(agents, 99) == agents

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from ludus.runs.curve import draw_learning_curve, spread, thin_out
+from ludus.runs.curve import draw_learning_curve, space_apart, subsample
 
 
 def write_metrics(path: Path, num_updates: int, *policies: str) -> Path:
@@ -23,24 +23,24 @@ def write_metrics(path: Path, num_updates: int, *policies: str) -> Path:
 
 def test_few_points_stay_as_they_are() -> None:
     points = np.arange(8.0).reshape(2, 4)
-    assert thin_out(points, 4) is points
+    assert subsample(points, 4) is points
 
 
 def test_many_points_become_means_of_neighbours() -> None:
     points = np.stack([np.arange(1000.0), np.tile([0.0, 2.0], 500)])
-    thinned = thin_out(points, 10)
-    assert thinned.shape == (2, 10)
-    assert (thinned[0, 0], thinned[0, 5], thinned[0, -1]) == (0.0, 549.5, 999.0)
-    assert (thinned[1] == 1.0).all()
+    sampled = subsample(points, 10)
+    assert sampled.shape == (2, 10)
+    assert (sampled[0, 0], sampled[0, 5], sampled[0, -1]) == (0.0, 549.5, 999.0)
+    assert (sampled[1] == 1.0).all()
 
 
 def test_labels_that_are_apart_stay_where_they_are() -> None:
-    assert spread([5.0, 1.0, 3.0], 1.0) == [5.0, 1.0, 3.0]
+    assert space_apart([5.0, 1.0, 3.0], 1.0) == [5.0, 1.0, 3.0]
 
 
 def test_labels_at_one_height_are_moved_apart() -> None:
-    assert spread([2.0, 2.0], 1.0) == [1.5, 2.5]
-    assert spread([2.0, 9.0, 2.5, 2.0], 1.0) == [1.25, 9.0, 3.25, 2.25]
+    assert space_apart([2.0, 2.0], 1.0) == [1.5, 2.5]
+    assert space_apart([2.0, 9.0, 2.5, 2.0], 1.0) == [1.25, 9.0, 3.25, 2.25]
 
 
 def test_curves_of_several_policies(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ from ludus.model.json_file import write_model
 from ludus.model.policy_model import PolicyModel
 from ludus.networks.policy import Policy
 from ludus.settings.train_config import PPOConfig
-from tests.training.trained_runs import MIXED, SIMPLE, make_policy
+from tests.export.trained_runs import MIXED, SIMPLE, make_policy
 
 
 def written(policy: Policy, folder: Path) -> tuple[PolicyModel, PolicyFiles]:

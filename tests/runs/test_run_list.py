@@ -16,7 +16,7 @@ from ludus.runs.metrics_sample import sample_metrics
 from ludus.runs.run_folder import RunFolder
 from ludus.runs.run_list import list_runs, running_runs
 from ludus.training.loop import train
-from tests.training.test_control import Asking
+from tests.runs.test_control import Asking
 
 
 def lines(count: int, padding: int = 0) -> bytes:

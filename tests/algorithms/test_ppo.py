@@ -271,7 +271,7 @@ def test_overlapped_gradient_steps_are_spread_over_the_next_rollout() -> None:
         for _ in range(4):
             before = [parameter.clone() for parameter in ppo.policy.parameters()]
             ppo.act(0)
-            ppo.learn_meanwhile()
+            ppo.learn_while_stepping()
             ppo.record(0, batch(random))
             pairs = zip(before, ppo.policy.parameters(), strict=True)
             moved.append(any(not torch.equal(a, b) for a, b in pairs))

@@ -22,7 +22,7 @@ from ludus.networks.policy import Policy
 from ludus.settings.policy_config import Activation
 from ludus.settings.train_config import PPOConfig, SACConfig
 from ludus.spec import ObservationEntry, PolicySpec
-from tests.training.trained_runs import MIXED, SIMPLE, make_policy
+from tests.export.trained_runs import MIXED, SIMPLE, make_policy
 
 VARIANTS: dict[str, dict[str, Any]] = {
     "plain": {},

@@ -25,8 +25,8 @@ from ludus.model.json_file import write_model
 from ludus.networks.policy import Policy
 from ludus.settings.train_config import PolicyConfig, PPOConfig, SACConfig
 from ludus.spec import ObservationEntry, PolicySpec
+from tests.export.trained_runs import MIXED, SIMPLE, make_policy
 from tests.legacy.gymgodot.conftest import command_of, started_processes
-from tests.training.trained_runs import MIXED, SIMPLE, make_policy
 
 pytestmark = pytest.mark.engine
 
