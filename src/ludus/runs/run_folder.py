@@ -32,6 +32,7 @@ from ludus.disk import disk_errors, write_atomically
 from ludus.engine.locks import LockHeld, file_lock
 from ludus.errors import CheckpointError, RunError
 from ludus.runs.checkpoint import CheckpointStore
+from ludus.runs.finding import find_run
 from ludus.settings.merging import lay_over, read_file, to_plain
 from ludus.settings.train_config import TrainConfig
 
@@ -83,13 +84,13 @@ class RunFolder:
         Raises:
             CheckpointError: There is no run.
         """
-        for folder in (path, path.parent.parent):
-            if (folder / "config.json").is_file():
-                return cls(folder)
-        raise CheckpointError(
-            f"{path} is not a run: it has no config.json",
-            "name a folder that ludus train made, such as runs/cartpole-…",
-        )
+        folder = find_run(path)
+        if folder is None:
+            raise CheckpointError(
+                f"{path} is not a run: it has no config.json",
+                "name a folder that ludus train made, such as runs/cartpole-…",
+            )
+        return cls(folder)
 
     @property
     def metrics(self) -> Path:
