@@ -41,12 +41,12 @@ class TournamentConfig:
 
     Attributes:
         episodes: Games of every two players.
-        is_deterministic: Take the most probable actions; otherwise draw them, as in training.
+        is_stochastic: Draw actions, as in training; otherwise take the most probable ones.
         seed: Of worlds and actions.
     """
 
     episodes: int = 20
-    is_deterministic: bool = False
+    is_stochastic: bool = True
     seed: int = 0
 
 
@@ -243,7 +243,7 @@ def _player(entrant: Entrant, pool: Pool, config: TournamentConfig) -> Player:
     policy = Policy(pool.policies[entrant.policy], entrant.settings)
     load_tensors(policy, entrant.tensors, "")
     generator = None
-    if not config.is_deterministic:
+    if config.is_stochastic:
         stream = f"{entrant.policy} {entrant.updates} {entrant.is_newest}"
         generator = torch.Generator().manual_seed(policy_seed(config.seed, stream))
     return Player(policy.eval(), pool.num_agents(entrant.policy), generator)
