@@ -32,7 +32,7 @@ from tests.model.golden import model_path
 from tests.training.test_export_godot import ATARI
 from tests.training.trained_runs import MIXED, SIMPLE, make_policy
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(180, func_only=True)]
+pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(180, func_only=True)]
 
 DEADLINE_S = 60.0
 PREFIX = "ludus-episode "

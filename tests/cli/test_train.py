@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from ludus.cli import train as train_command
-from ludus.cli.live import sparkline
+from ludus.cli.figures import sparkline
 from ludus.cli.main import main
 from ludus.errors import ConfigError
 from ludus.settings.train_config import PPOConfig, SACConfig, TrainConfig
@@ -158,6 +158,7 @@ def test_a_run_that_exists_is_not_overwritten(
     assert "exists already" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("signum", "exit_code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_saves_and_says_how_to_go_on(signum: int, exit_code: int, tmp_path: Path) -> None:
     arguments = [*SMALL, "--runs", str(tmp_path), "--name", "r", "--total-steps", "100000000"]

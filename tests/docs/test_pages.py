@@ -12,7 +12,12 @@ from ludus.cli.main import COMMANDS
 from ludus.runs.metrics import METRICS, POLICY_METRICS
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CHANGELOG.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+]
 
 
 def test_metrics_page_lists_every_metric() -> None:

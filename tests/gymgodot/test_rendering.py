@@ -21,7 +21,7 @@ from ludus.record.screen import screen
 from tests.gymgodot.conftest import Opener, await_so, left_processes, started_processes
 from tests.record.games import frames_of
 
-pytestmark = pytest.mark.engine
+pytestmark = [pytest.mark.engine, pytest.mark.screen]
 
 PROJECT = Path(__file__).with_name("project")
 SPACES: dict[str, Any] = {

@@ -22,7 +22,7 @@ from ludus.record import Film, RecordConfig, record
 from ludus.record.film import Frame
 from tests.record.games import STEPS, frames_of, read_ticks, ticks_project, times_of
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.engine, pytest.mark.screen, pytest.mark.timeout(240)]
 
 KINDS = ["godot4", "godot3"]
 
@@ -112,7 +112,7 @@ def test_a_film_that_cannot_be_written(
 
 
 def test_without_xvfb(project: Path, films: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATH", str(films))
+    monkeypatch.setattr("ludus.engine.screen.find_xvfb", lambda: None)
     with pytest.raises(SetupError, match="neither one nor Xvfb") as caught:
         record(RecordConfig(target=str(project), out=films / "film.mp4"))
     assert "apt install xvfb" in caught.value.hint

@@ -219,6 +219,7 @@ def test_limits_stop_the_run(small: Any) -> None:
     assert result.agent_steps < 640
 
 
+@pytest.mark.slow
 def test_kill_at_any_moment_leaves_a_loadable_run(small: Any) -> None:
     """A child saves all the time and is killed at random moments; each time it can resume."""
     config = small(total_steps=10_000_000, checkpoint_every_updates=1)

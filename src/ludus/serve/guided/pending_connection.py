@@ -1,4 +1,4 @@
-"""One connection at the door: it has to greet in time, and is told why it may not stay."""
+"""A connection that has yet to send its HELLO, or is being rejected."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from ludus.wire.frames import (
 )
 from ludus.wire.handshake import Hello
 
-__all__ = ["Guest", "has_hung_up"]
+__all__ = ["PendingConnection", "is_closed_by_peer"]
 
 READ_BYTES = 1 << 16
 LINGER_S = 1.0
-"""How long a guest that is turned away may go on sending."""
+"""How long a rejected client may go on sending."""
 
 
-class Guest:
+class PendingConnection:
     """A connection from which a ``HELLO`` is expected; never blocks.
 
     Args:
@@ -36,8 +36,8 @@ class Guest:
     Attributes:
         socket: The same socket.
         name: As given.
-        received: All that came so far.
-        is_leaving: Whether it was turned away, and is only listened to so that it can read why.
+        received: Everything received so far.
+        is_rejected: Whether it was rejected; it stays open for a moment so that it can read why.
     """
 
     def __init__(self, connection: socket.socket, name: str, timeout_s: float) -> None:
@@ -45,53 +45,53 @@ class Guest:
         self.socket = connection
         self.name = name
         self.received = bytearray()
-        self.is_leaving = False
+        self.is_rejected = False
         self._timeout_s = timeout_s
         self._deadline = time.monotonic() + timeout_s
 
-    def hear(self) -> bool:
-        """Read what has come; return whether the guest is still there."""
+    def read(self) -> bool:
+        """Read what has arrived; return False once the other side has disconnected."""
         try:
             data = self.socket.recv(READ_BYTES)
         except (BlockingIOError, InterruptedError):
             return True
         except OSError:
             return False
-        if not self.is_leaving:
+        if not self.is_rejected:
             self.received += data
         return bool(data)
 
-    def greeting(self) -> Hello | None:
-        """Return the greeting; None as long as it has not come whole.
+    def hello(self) -> Hello | None:
+        """Return the HELLO; None as long as it is incomplete.
 
         Raises:
-            ProtocolError: Something else came.
+            ProtocolError: The first frame is something else.
         """
         if len(self.received) < HEADER_BYTES:
             return None
         frame_type, num_bytes = decode_header(self.received[:HEADER_BYTES])
         if frame_type is not FrameType.HELLO:
-            raise ProtocolError(f"a game begins with HELLO, {frame_type.name} came")
+            raise ProtocolError(f"the first frame must be HELLO, got {frame_type.name}")
         end = HEADER_BYTES + num_bytes
         if len(self.received) < end:
             return None
         return Hello.from_json(decode_json(self.received[HEADER_BYTES:end], "HELLO"))
 
-    def check_time(self) -> None:
-        """Refuse a guest that takes too long.
+    def check_deadline(self) -> None:
+        """Check that the HELLO is not overdue.
 
         Raises:
             EngineTimeout: The deadline has passed.
         """
         if time.monotonic() > self._deadline:
-            raise EngineTimeout(f"no whole HELLO came within {self._timeout_s:g} s")
+            raise EngineTimeout(f"no complete HELLO arrived within {self._timeout_s:g} s")
 
-    def turn_away(self, error: LudusError, code: str = "") -> None:
-        """Tell the guest why it may not stay, if it listens."""
+    def reject(self, error: LudusError, code: str = "") -> None:
+        """Tell the other side why, as far as it listens; nothing more is read as a HELLO."""
         report = error_report(error)
         if code:
             report["code"] = code
-        self.is_leaving = True
+        self.is_rejected = True
         self._timeout_s = LINGER_S
         self._deadline = time.monotonic() + LINGER_S
         with contextlib.suppress(OSError):
@@ -100,10 +100,10 @@ class Guest:
             self.socket.shutdown(socket.SHUT_WR)
 
 
-def has_hung_up(connection: socket.socket) -> bool:
-    """Return whether the other side has closed a connection, whatever is still to be read of it.
+def is_closed_by_peer(connection: socket.socket) -> bool:
+    """Return whether the other side has closed a connection, even if data is still unread.
 
-    Where the system cannot tell, it has not.
+    Return False where the system cannot tell.
     """
     number = connection.fileno()
     if number < 0:
