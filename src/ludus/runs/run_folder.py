@@ -80,19 +80,30 @@ class RunFolder:
                 path = config.runs / f"{stem}-{attempt}"
 
     @classmethod
+    def look_up(cls, path: Path) -> RunFolder | None:
+        """Return the run that ``path`` is, or is a checkpoint of; None if it is neither."""
+        if not path.is_dir() or (path / "project.godot").is_file():
+            return None
+        # Resolved only where it must be, so that messages show the path as it was given.
+        for folder in (path, path.parent.parent, path.resolve().parent.parent):
+            if (folder / "config.json").is_file():
+                return cls(folder)
+        return None
+
+    @classmethod
     def find(cls, path: Path) -> RunFolder:
         """Return the folder of an existing run; a checkpoint inside it will do, too.
 
         Raises:
             CheckpointError: There is no run.
         """
-        for folder in (path, path.parent.parent):
-            if (folder / "config.json").is_file():
-                return cls(folder)
-        raise CheckpointError(
-            f"{path} is not a run: it has no config.json",
-            "name a folder that ludus train made, such as runs/cartpole-…",
-        )
+        folder = cls.look_up(path)
+        if folder is None:
+            raise CheckpointError(
+                f"{path} is not a run: it has no config.json",
+                "name a folder that ludus train made, such as runs/cartpole-…",
+            )
+        return folder
 
     @property
     def metrics(self) -> Path:
