@@ -9,7 +9,7 @@ import pytest
 
 from ludus.session import EngineSession, LaunchOptions, open_session
 from ludus.wire.handshake import EngineConfig
-from tests.gymgodot.conftest import command_of, started_processes
+from tests.legacy.gymgodot.conftest import command_of, started_processes
 from tests.targets import find_executable, find_game
 
 TARGET = "bevy:cartpole"

@@ -17,7 +17,7 @@ from ludus.target import Executable
 from tests.bevy.conftest import TARGET
 from tests.targets import find_game
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(180, func_only=True)]
+pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(180, func_only=True)]
 
 FLAGS = GodotFlags(user_args=("--ludus-connect=unix:/a",))
 

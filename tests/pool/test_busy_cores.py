@@ -34,7 +34,10 @@ def busy_cores() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("busy_cores")
-@pytest.mark.parametrize("target", ["cartpole", "godot3:cartpole", "bevy:cartpole"])
+@pytest.mark.parametrize(
+    "target",
+    ["cartpole", "godot3:cartpole", pytest.param("bevy:cartpole", marks=pytest.mark.bevy)],
+)
 def test_looking_without_sleeping_costs_little_where_cores_are_busy(target: str) -> None:
     # Looking regardless made a third of the steps, or less.
     asleep, awake = zip(*(one_round(target) for _ in range(ROUNDS)), strict=True)

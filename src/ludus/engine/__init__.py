@@ -22,6 +22,7 @@ from ludus.engine.find import (
 )
 from ludus.engine.importing import ensure_imported, needs_import
 from ludus.engine.install import install_engine
+from ludus.engine.install_screen import install_screen
 from ludus.engine.install_template import install_template
 from ludus.engine.kinds import EngineKind
 from ludus.engine.launch import (
@@ -29,10 +30,10 @@ from ludus.engine.launch import (
     LaunchConfig,
     executable_command,
     godot_command,
-    with_display,
 )
-from ludus.engine.process import EngineProcess, terminate_all
+from ludus.engine.process import EngineProcess
 from ludus.engine.project import Project, find_project, read_project, scene_path
+from ludus.engine.screen import find_xvfb, has_screen, with_display
 from ludus.engine.template import ExportTemplate, find_template, matching_template
 
 __all__ = [
@@ -56,8 +57,11 @@ __all__ = [
     "find_engine",
     "find_project",
     "find_template",
+    "find_xvfb",
     "godot_command",
+    "has_screen",
     "install_engine",
+    "install_screen",
     "install_template",
     "list_engines",
     "matching_template",
@@ -68,6 +72,5 @@ __all__ = [
     "reserve_cores",
     "scene_path",
     "search_engines",
-    "terminate_all",
     "with_display",
 ]

@@ -18,8 +18,8 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 
 from ludus.engine.cache import cache_root
-from ludus.engine.locks import LockHeld, file_lock
 from ludus.errors import ConfigError
+from ludus.locks import LockHeld, file_lock
 
 __all__ = [
     "CorePlan",

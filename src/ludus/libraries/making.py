@@ -34,7 +34,7 @@ def make(
         policy: Name of the agent's policy, None if there is only one.
         render_mode: ``"human"`` opens a window and plays at the speed of the game.
         settings: Fields of :class:`ludus.PoolConfig`, such as ``scene="res://level.tscn"``,
-            ``ticks_per_step=4`` or ``godot="/path/to/godot"``; of a game of an older bridge also
+            ``ticks_per_step=4`` or ``godot="/path/to/godot"``; of a game of a legacy bridge also
             what its wire does not tell, such as ``action_space=…``.
 
     Raises:

@@ -17,7 +17,7 @@ from ludus.engine import (
 from ludus.errors import ConfigError
 from ludus.legacy.registry import (
     Bridge,
-    GamePlace,
+    GameAddress,
     check_settings,
     find_bridge,
     open_bridge_session,
@@ -46,7 +46,7 @@ DEFAULT_SPIN_US = 3000
 _NOT_OF_ENVIRONMENTS = ("scene", "layout", "ticks_per_step", "godot", "spin_us")
 """Settings that mean nothing to an environment of Gymnasium."""
 _NOT_OF_BRIDGES = (*_NOT_OF_ENVIRONMENTS, "num_worlds", "launch")
-"""Settings that mean nothing to a game of an older bridge."""
+"""Settings that mean nothing to a game of a legacy bridge."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +69,7 @@ class PoolConfig:
             3000 where a core is left beside the engines, else 0. Who often looks in vain, or
             loses the core meanwhile, sleeps at once for a second: somebody else needs the core.
         launch: How games are started and watched.
-        bridge: Settings of a target that is a game of an older bridge, such as
+        bridge: Settings of a target that is a game of a legacy bridge, such as
             ``{"action_space": …}``; :func:`ludus.make` takes them by their own names.
     """
 
@@ -159,7 +159,7 @@ def _open_legacy_games(target: Legacy, config: PoolConfig) -> EnginePool:
     cores = _reserve_cores(config)
 
     def open_engine(engine: int) -> Session:
-        place = GamePlace(
+        place = GameAddress(
             address=bridge.place_of(target.name),
             num_games=config.num_engines,
             cores=cores.plan.engines[engine],
@@ -210,7 +210,7 @@ def _refuse_changed(config: PoolConfig, names: Sequence[str], reason: str, hint:
 def _check(config: PoolConfig, target: EngineTarget) -> None:
     if config.bridge:
         raise ConfigError(
-            f"{', '.join(config.bridge)} is a setting of older bridges, and {target.name} is none"
+            f"{', '.join(config.bridge)} is a setting of legacy bridges, and {target.name} is none"
         )
     if config.layout not in {"scene", "isolated", "grid"}:
         raise ConfigError(f"layout is {config.layout!r}, expected scene, isolated or grid")

@@ -6,7 +6,7 @@ import contextlib
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
 from fractions import Fraction
 
 from ludus.engine import (
@@ -18,17 +18,19 @@ from ludus.engine import (
 )
 from ludus.engine.find import InstalledEngine
 from ludus.errors import EngineCrashed, EngineError, EngineTimeout, SetupError
+from ludus.play.episodes import EpisodeCounter
+from ludus.play.players import MakePlayer
+from ludus.play.playing import Play
 from ludus.pool import PoolConfig, open_pool
 from ludus.pool.interface import Pool
 from ludus.record.camera import Camera
-from ludus.record.film import Film, Frame
-from ludus.record.players import Act
-from ludus.record.playing import Play
+from ludus.record.film import Frame
 from ludus.record.screen import screen, variables
+from ludus.record.shot import Shot
 from ludus.session import LaunchOptions
 from ludus.target import Scene
 
-__all__ = ["Shot", "film_alone", "film_played", "game_rate"]
+__all__ = ["film_alone", "film_played", "game_rate"]
 
 CONNECT_S = 60.0
 SILENCE_S = 120.0
@@ -38,37 +40,12 @@ _POLL_S = 0.05
 _NO_RENDERER = ("Display is not available", "Your video card", "Unable to create", "GLX", "EGL")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Shot:
-    """What is taken of a game.
-
-    Attributes:
-        film: Gets the frames.
-        every: Frames of the game for one of the film.
-        num_frames: Longest film, frames.
-        num_episodes: End after so many episodes of every policy; None: never.
-        num_skipped: Frames left out at the beginning.
-        window: Width and height of the window, pixels; None: the project's.
-        seed: Of worlds.
-    """
-
-    film: Film
-    every: int
-    num_frames: int
-    num_episodes: int | None
-    num_skipped: int
-    window: tuple[int, int] | None
-    seed: int
-
-
 def game_rate(scene: Scene) -> Fraction:
     """Return how many frames a second of game time has: one for each physics tick."""
     return Fraction(scene.project.ticks_per_second)
 
 
-def film_played(
-    scene: Scene, config: PoolConfig, player: Callable[[Pool], Act], shot: Shot
-) -> dict[str, int]:
+def film_played(scene: Scene, config: PoolConfig, player: MakePlayer, shot: Shot) -> dict[str, int]:
     """Film a game that Python plays; return how many episodes of each policy have ended.
 
     The first frame shows the game after the first ticks of the first step.
@@ -87,21 +64,17 @@ def film_played(
     engine = _engine_of(scene)
     with _camera(shot) as camera, _explained(engine):
         launch = LaunchOptions(is_windowed=True, engine_args=_engine_args(engine, shot))
-        settings = PoolConfig(
-            ticks_per_step=config.ticks_per_step,
-            max_episode_steps=config.max_episode_steps,
-            is_pinned=False,
-            launch=launch,
-        )
+        settings = replace(config, is_pinned=False, launch=launch)
         with open_pool(scene, settings) as pool:
             camera.connect(CONNECT_S, lambda: None)
+            counter = EpisodeCounter(pool.policies, shot.num_episodes)
             play = Play(pool, player(pool), shot.seed)
             camera.begin()
-            play.run(shot.num_episodes, _is_full(camera, pool, shot))
+            play.run(counter, _is_full(camera, pool, shot))
             camera.end()
             play.step()
             camera.finish()
-        return dict(play.num_episodes)
+        return dict(counter.num_episodes)
 
 
 def film_alone(scene: Scene, shot: Shot) -> None:
