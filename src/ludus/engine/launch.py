@@ -29,7 +29,6 @@ class LaunchConfig:
         cores: Cores the process and all its threads are pinned to; None leaves it to the
             system.
         log_path: File that gets a copy of all output; it is appended to.
-        start_timeout_s: How long the game may take until it connects (used by the session).
         grace_s: How long a process may take to end politely before it is killed.
         num_last_lines: How many lines of output are kept for error reports.
     """
@@ -39,7 +38,6 @@ class LaunchConfig:
     env: Mapping[str, str] = field(default_factory=dict[str, str])
     cores: tuple[int, ...] | None = None
     log_path: Path | None = None
-    start_timeout_s: float = 60.0
     grace_s: float = 2.0
     num_last_lines: int = 200
 

@@ -99,7 +99,6 @@ def _launch(
             ),
             cores=options.cores,
             log_path=options.log_path,
-            start_timeout_s=options.start_timeout_s,
         )
         process = EngineProcess.start(launch)
         deadline = time.monotonic() + options.start_timeout_s
