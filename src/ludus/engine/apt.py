@@ -15,6 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import repeat
 from pathlib import Path
 
+from ludus.engine.output import run_captured
 from ludus.engine.routes import Progress, RouteUnavailable
 from ludus.errors import SetupError
 
@@ -141,17 +142,7 @@ def _apt_error(verb: str, output: str) -> Exception:
 def _run(command: Sequence[str], timeout_s: float) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "LC_ALL": "C", "DEBIAN_FRONTEND": "noninteractive"}
     try:
-        return subprocess.run(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-            env=environment,
-            timeout=timeout_s,
-            check=False,
-        )
+        return run_captured(command, timeout_s, environment)
     except subprocess.TimeoutExpired as error:
         raise RouteUnavailable(f"{command[0]} took more than {timeout_s:.0f} s") from error
 

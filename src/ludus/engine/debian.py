@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ludus.engine.apt import unpack_packages
 from ludus.engine.kinds import EngineKind
-from ludus.engine.launcher import find_program, write_launcher
+from ludus.engine.prefix import find_program, write_launcher
 from ludus.engine.routes import Progress, UnpackedEngine
 
 __all__ = ["DebianRoute"]
@@ -48,8 +48,8 @@ class DebianRoute:
 
 
 def _launchers(kind: EngineKind, folder: Path, prefix: Path, rendering: bool) -> UnpackedEngine:
-    headless_names = {EngineKind.GODOT4: ("godot",), EngineKind.GODOT3: ("godot3-server",)}
-    window_names = {EngineKind.GODOT4: ("godot",), EngineKind.GODOT3: ("godot3",)}
+    headless_names = {EngineKind.GODOT4: "godot", EngineKind.GODOT3: "godot3-server"}
+    window_names = {EngineKind.GODOT4: "godot", EngineKind.GODOT3: "godot3"}
     launcher = folder / "godot"
     write_launcher(launcher, prefix, find_program(prefix, headless_names[kind]))
     if not rendering or headless_names[kind] == window_names[kind]:

@@ -1,7 +1,7 @@
 """The export template of Debian's own packages.
 
 Games made of it need the libraries of Debian's unstable suite. They are unpacked beside it, and
-`patching` makes a game use them from there.
+`prefix` makes a game use them from there.
 """
 
 from __future__ import annotations
@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ludus.engine.apt import unpack_packages
-from ludus.engine.launcher import find_program, write_launcher
-from ludus.engine.patching import forget_library_paths
+from ludus.engine.prefix import find_program, remove_library_paths, write_launcher
 from ludus.engine.routes import Progress, RouteUnavailable, UnpackedTemplate
 
 __all__ = ["DebianTemplateRoute"]
@@ -34,8 +33,8 @@ class DebianTemplateRoute:
             raise RouteUnavailable("this machine does not run Linux")
         prefix = unpack_packages([_PROGRAM, "patchelf"], folder, progress)
         # They name a folder of the system, where an exported game must not look.
-        forget_library_paths(prefix, "libpulse*.so.*")
-        program = find_program(prefix, [_PROGRAM])
+        remove_library_paths(prefix, "libpulse*.so.*")
+        program = find_program(prefix, _PROGRAM)
         launcher = folder / "template"
         write_launcher(launcher, prefix, program)
         return UnpackedTemplate(program, launcher, prefix)

@@ -16,12 +16,13 @@ from pathlib import Path
 from ludus.engine.apt import unpack_packages
 from ludus.engine.cache import require_cache_root
 from ludus.engine.incoming import installing_into, move_in, unpack_by_first_route
-from ludus.engine.launcher import find_program, library_folders, write_launcher
+from ludus.engine.output import run_captured
+from ludus.engine.prefix import find_program, library_folders, replace_path, write_launcher
 from ludus.engine.routes import Progress, RouteUnavailable, no_progress
 from ludus.engine.screen import SCREEN_FOLDER, find_xvfb, with_virtual_screen
 from ludus.errors import SetupError
 
-__all__ = ["install_screen", "replace_path"]
+__all__ = ["install_screen"]
 
 START_TIMEOUT_S = 30.0
 
@@ -64,8 +65,8 @@ class _DebianPackages:
         prefix = unpack_packages(_PACKAGES, folder, progress)
         libraries = library_folders(prefix)[0]
         (folder / "dri").symlink_to(Path(prefix.name) / libraries / "dri")
-        write_launcher(folder / "xkbcomp", prefix, find_program(prefix, ["xkbcomp"]))
-        server = find_program(prefix, ["Xvfb"])
+        write_launcher(folder / "xkbcomp", prefix, find_program(prefix, "xkbcomp"))
+        server = find_program(prefix, "Xvfb")
         replace_path(server, "/usr/bin", ".")
         replace_path(server, f"/{libraries}/dri", "dri")
         write_launcher(folder / "Xvfb", prefix, server, setup=_IN_OWN_FOLDER)
@@ -83,29 +84,10 @@ def _install(folder: Path, progress: Progress) -> Path:
     return unpack_by_first_route([_DebianPackages()], folder, unpack, failure)
 
 
-def replace_path(program: Path, old: str, new: str) -> None:
-    """Replace a path that is a string constant of an executable by one that is not longer."""
-    data = program.read_bytes()
-    before = b"\0" + old.encode() + b"\0"
-    if data.count(before) != 1:
-        raise SetupError(f"{program.name} has {data.count(before)} times the path {old}, not once")
-    after = b"\0" + new.encode().ljust(len(old) + 1, b"\0")
-    program.write_bytes(data.replace(before, after))
-
-
 def _try_out(xvfb: Path) -> None:
     """Open a screen once."""
     try:
-        done = subprocess.run(
-            with_virtual_screen(("true",), xvfb),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-            timeout=START_TIMEOUT_S,
-            check=False,
-        )
+        done = run_captured(with_virtual_screen(("true",), xvfb), START_TIMEOUT_S)
     except subprocess.TimeoutExpired as error:
         raise SetupError(f"the installed Xvfb does not start in {START_TIMEOUT_S:.0f} s") from error
     if done.returncode != 0:
