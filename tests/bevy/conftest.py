@@ -10,7 +10,7 @@ import pytest
 from ludus.engine import resolve_target
 from ludus.session import EngineSession, LaunchOptions, open_session
 from ludus.wire.handshake import EngineConfig
-from tests.gymgodot.conftest import command_of, started_processes
+from tests.legacy.gymgodot.conftest import command_of, started_processes
 
 TARGET = "bevy:cartpole"
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from ludus.check import CheckConfig, CheckReport, Status, run_checks
-from tests.gymgodot.conftest import ROOT
+from tests.legacy.gymgodot.conftest import ROOT
 
 pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(600, func_only=True)]
 

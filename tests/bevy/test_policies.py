@@ -27,10 +27,10 @@ from ludus.session import LaunchOptions
 from ludus.settings.train_config import PolicyConfig, PPOConfig, SACConfig
 from tests.actions import zeros
 from tests.bevy.conftest import TARGET, processes
-from tests.gymgodot.conftest import left_processes
+from tests.export.test_godot import ATARI
+from tests.export.trained_runs import MIXED, SIMPLE, make_policy
+from tests.legacy.gymgodot.conftest import left_processes
 from tests.model.golden import model_path
-from tests.training.test_export_godot import ATARI
-from tests.training.trained_runs import MIXED, SIMPLE, make_policy
 
 pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(180, func_only=True)]
 

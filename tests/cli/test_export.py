@@ -13,7 +13,7 @@ import pytest
 
 from ludus.cli.main import main
 from ludus.engine.bundled import bundled_root
-from tests.training.trained_runs import MIXED, SIMPLE, make_policy, make_run
+from tests.export.trained_runs import MIXED, SIMPLE, make_policy, make_run
 
 FIGURE = r"(0|\d\.\de-\d+)"
 

@@ -28,8 +28,8 @@ from ludus.session import open_session
 from ludus.settings.train_config import PolicyConfig, PPOConfig, SACConfig
 from ludus.spec import PolicySpec
 from ludus.wire.handshake import EngineConfig
-from tests.training.test_export_godot import ATARI
-from tests.training.trained_runs import MIXED, SIMPLE, make_policy
+from tests.export.test_godot import ATARI
+from tests.export.trained_runs import MIXED, SIMPLE, make_policy
 
 pytestmark = [pytest.mark.engine, pytest.mark.timeout(300)]
 

@@ -73,7 +73,8 @@ def test_a_game_that_nobody_plays(project: Path, films: Path) -> None:
     recorded = record(RecordConfig(target=str(project / "ticks.tscn"), out=out, seconds=1.0))
     ticks = read_ticks(out)
     assert len(ticks) == 20
-    assert np.diff(ticks).tolist() == [3] * 19
+    # On a busy machine some frames pass before the film begins, and the picture shows a byte.
+    assert (np.diff(ticks) % 256).tolist() == [3] * 19
     assert recorded.num_episodes == {}
 
 

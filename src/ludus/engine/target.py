@@ -22,7 +22,7 @@ __all__ = ["BRIDGE_PREFIXES", "DEFAULT_PORT", "PLAY", "Target", "TargetKind", "r
 DEFAULT_PORT = 11011
 PLAY = "play"
 BRIDGE_PREFIXES = ("godot_gym_api:", "gymgodot:", "http://")
-"""How targets begin that are games of older bridges, which `ludus.legacy` opens."""
+"""How targets begin that are games of legacy bridges, which `ludus.legacy` opens."""
 
 _ADDRESS = re.compile(r"^(?:\[(?P<v6>[0-9a-fA-F:.]+)\]|(?P<host>[\w.-]+)):(?P<port>\d{1,5})$")
 
@@ -196,7 +196,7 @@ def _refuse_scene(scene: str | Path | None, target: str) -> None:
 
 def _only_in_python(text: str) -> TargetError:
     return TargetError(
-        f"{text} is a game of an older bridge, which does not tell what a command needs to know",
+        f"{text} is a game of a legacy bridge, which does not tell what a command needs to know",
         hint=f"in Python: ludus.make({text!r}, action_space=…, observation_space=…, …); for a "
         "command give the game an id: gym:MODULE:ID (docs/gymgodot.md, docs/godot_gym_api.md)",
     )

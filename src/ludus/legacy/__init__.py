@@ -5,7 +5,7 @@
     registry   which bridge a target means, and how its games are opened
     places     what stands behind the prefix of a target
     session    any of these games as a Session; world holds its batch and its episodes
-    dialect    what a bridge must offer for that: DialectGame
+    game       what a bridge must offer for that: LegacyGame
     launching  the command that starts a game, and ends it with this process
     watching   the process of a game that we started
 

@@ -10,17 +10,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ludus.addon import CLASSIC_PATH, install_addon, install_folder
+from ludus.addon import LEGACY_PATH, install_addon, install_folder
 from ludus.engine.kinds import EngineKind
 from ludus.engine.project import find_project
 from ludus.errors import ConfigError
-from ludus.legacy.addon_files import ClassicChange, declared_classes, own_classes, put_aside
+from ludus.legacy.addon_files import LegacyChange, declared_classes, own_classes, put_aside
 from ludus.legacy.godot_gym_api.addon import KEPT_PATH as GODOT_GYM_API_KEPT_PATH
 from ludus.legacy.godot_gym_api.addon import godot_gym_api_stand_ins, list_own_classes
 from ludus.legacy.gymgodot.addon import KEPT_PATH as GYMGODOT_KEPT_PATH
 from ludus.legacy.gymgodot.addon import gymgodot_stand_ins, scenes_without_action
 
-__all__ = ["KEPT_PATH", "ClassicChange", "install_classic"]
+__all__ = ["KEPT_PATH", "LegacyChange", "install_legacy_addon"]
 
 KEPT_PATH = "godot-ai.old"
 """Where replaced files are kept; Godot does not look into it."""
@@ -29,11 +29,11 @@ _ROOT_CLASS = "AIBaseEnvironment"
 _STAND_IN = """\
 extends "res://{path}"
 ## Stands where a file of godot-ai stood, for scenes and scripts that name its path.
-## Made by `ludus addon install --classic`, which keeps that file in {kept}.
+## Made by `ludus addon install --legacy`, which keeps that file in {kept}.
 """
 
 
-def install_classic(project: Path, *, force: bool = False) -> ClassicChange:
+def install_legacy_addon(project: Path, *, force: bool = False) -> LegacyChange:
     """Install the add-on with the classes of others' names, in the place of their own.
 
     Repeating it changes nothing.
@@ -54,14 +54,14 @@ def install_classic(project: Path, *, force: bool = False) -> ClassicChange:
     return _install_for_godot_ai(found.root, force=force)
 
 
-def _install_for_godot_ai(root: Path, *, force: bool) -> ClassicChange:
+def _install_for_godot_ai(root: Path, *, force: bool) -> LegacyChange:
     ours = own_classes(EngineKind.GODOT4)
     theirs = {name: file for name, file in declared_classes(root) if name in ours}
     _refuse_foreign_classes(root, theirs)
     addon = install_addon(root, force=force)
-    classic = install_folder(root, CLASSIC_PATH, force=force)
+    legacy = install_folder(root, LEGACY_PATH, force=force)
     if not theirs:
-        return ClassicChange(addon, classic)
+        return LegacyChange(addon, legacy)
     # The root class comes last: until then a repetition knows whose the others are.
     stand_ins = {
         theirs[name]: _STAND_IN.replace("{path}", ours[name])
@@ -69,19 +69,19 @@ def _install_for_godot_ai(root: Path, *, force: bool) -> ClassicChange:
     }
     kept = put_aside(root, stand_ins, KEPT_PATH)
     names = sorted(file.relative_to(root).as_posix() for file in theirs.values())
-    return ClassicChange(addon, classic, tuple(names), kept)
+    return LegacyChange(addon, legacy, tuple(names), kept)
 
 
-def _install_in_godot3(root: Path, *, force: bool) -> ClassicChange:
+def _install_in_godot3(root: Path, *, force: bool) -> LegacyChange:
     theirs = godot_gym_api_stand_ins(root)
-    classic = install_folder(root, CLASSIC_PATH, force=force)
+    legacy = install_folder(root, LEGACY_PATH, force=force)
     addon = install_addon(root, force=force)
     list_own_classes(root)
     stand_ins = {**gymgodot_stand_ins(root), **theirs}
     kept_path = GODOT_GYM_API_KEPT_PATH if theirs else GYMGODOT_KEPT_PATH
     kept = put_aside(root, stand_ins, kept_path) if stand_ins else ""
     names = tuple(sorted(file.relative_to(root).as_posix() for file in stand_ins))
-    return ClassicChange(addon, classic, names, kept, scenes_without_action(root))
+    return LegacyChange(addon, legacy, names, kept, scenes_without_action(root))
 
 
 def _refuse_foreign_classes(root: Path, theirs: dict[str, Path]) -> None:

@@ -7,12 +7,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ludus.addon import ADDON_PATH, CLASSIC_PATH, AddonChange
+from ludus.addon import ADDON_PATH, LEGACY_PATH, AddonChange
 from ludus.engine.bundled import bundled_root
 from ludus.engine.kinds import EngineKind
 from ludus.errors import SetupError
 
-__all__ = ["ClassicChange", "declared_classes", "is_hidden", "own_classes", "put_aside"]
+__all__ = ["LegacyChange", "declared_classes", "is_hidden", "own_classes", "put_aside"]
 
 _OWN_PREFIX = "Ludus"
 _CLASS_NAME = re.compile(r"^\s*class_name\s+(\w+)", re.MULTILINE)
@@ -20,19 +20,19 @@ _CACHES = {".godot", ".import"}
 
 
 @dataclass(frozen=True)
-class ClassicChange:
+class LegacyChange:
     """What an installation did.
 
     Attributes:
         addon: To the add-on.
-        classic: To the folder with the classes of others' names.
+        legacy: To the folder with the classes of others' names.
         replaced: Files of the other add-on that were put aside, relative to the project.
         kept: Folder that they lie in now, relative to the project; empty if none were.
         without_action: Scenes with a node of GymGodot that does not say what an action is.
     """
 
     addon: AddonChange
-    classic: AddonChange
+    legacy: AddonChange
     replaced: tuple[str, ...] = ()
     kept: str = ""
     without_action: tuple[str, ...] = ()
@@ -41,13 +41,13 @@ class ClassicChange:
 def own_classes(kind: EngineKind) -> dict[str, str]:
     """Return the classes of others' names that come with Ludus, and their paths in a project."""
     root = bundled_root(kind)
-    found = dict(_classes(root / CLASSIC_PATH))
+    found = dict(_classes(root / LEGACY_PATH))
     return {name: file.relative_to(root).as_posix() for name, file in found.items()}
 
 
 def declared_classes(root: Path) -> Iterator[tuple[str, Path]]:
     """Yield all classes that a game declares."""
-    own = {root / ADDON_PATH, root / CLASSIC_PATH}
+    own = {root / ADDON_PATH, root / LEGACY_PATH}
     return (found for found in _classes(root) if own.isdisjoint(found[1].parents))
 
 

@@ -92,7 +92,7 @@ def _drawing(*, is_windowed: bool) -> tuple[str, ...]:
 def _leashed(command: tuple[str, ...]) -> tuple[str, ...]:
     """Let a game that does not know us end when this process is gone, however that came.
 
-    Games of older bridges wait for the next client for ever.
+    Games of legacy bridges wait for the next client for ever.
     """
     if os.name != "posix":
         return command

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from ludus.errors import ConfigError, TargetError
-from ludus.legacy.registry import GamePlace
+from ludus.legacy.registry import GameAddress
 
 __all__ = ["check_one_game", "read_place"]
 
@@ -14,7 +14,7 @@ _ADDRESS = re.compile(r"^(?P<host>[\w.-]+):(?P<port>\d{1,5})$", re.ASCII)
 _MAX_PORT = 65535
 
 
-def read_place(place: GamePlace) -> Path | tuple[str, int]:
+def read_place(place: GameAddress) -> Path | tuple[str, int]:
     """Return the path of a project or scene, or host and port.
 
     Raises:
@@ -32,7 +32,7 @@ def read_place(place: GamePlace) -> Path | tuple[str, int]:
     return match["host"], int(match["port"])
 
 
-def check_one_game(place: GamePlace, *, has_free_port: bool, hint: str) -> None:
+def check_one_game(place: GameAddress, *, has_free_port: bool, hint: str) -> None:
     """Refuse to open several games where they would get into each other's way.
 
     Args:

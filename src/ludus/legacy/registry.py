@@ -10,14 +10,22 @@ from pathlib import Path
 from typing import Any
 
 from ludus.errors import ConfigError
-from ludus.legacy.legacy_game import DialectGame
-from ludus.legacy.session import DialectSession
+from ludus.legacy.game import LegacyGame
+from ludus.legacy.session import LegacySession
 
-__all__ = ["BRIDGES", "Bridge", "GamePlace", "check_settings", "find_bridge", "open_bridge_session"]
+__all__ = [
+    "BRIDGES",
+    "Bridge",
+    "GameAddress",
+    "GamePlace",
+    "check_settings",
+    "find_bridge",
+    "open_bridge_session",
+]
 
 
 @dataclass(frozen=True, kw_only=True)
-class GamePlace:
+class GameAddress:
     """Which game of a bridge to open, and where it stands among others.
 
     Attributes:
@@ -31,6 +39,10 @@ class GamePlace:
     num_games: int = 1
     cores: tuple[int, ...] | None = None
     log_path: Path | None = None
+
+
+GamePlace = GameAddress
+"""The name of earlier versions."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +62,7 @@ class Bridge:
     form: str
     page: str
 
-    def opener(self) -> Callable[..., DialectGame]:
+    def opener(self) -> Callable[..., LegacyGame]:
         """Import what opens one game, which may need packages that not everybody has."""
         return import_module(self.module).open_game
 
@@ -101,10 +113,10 @@ def check_settings(bridge: Bridge, settings: Mapping[str, Any]) -> None:
 
 def open_bridge_session(
     bridge: Bridge,
-    place: GamePlace,
+    place: GameAddress,
     settings: Mapping[str, Any],
     max_episode_steps: int | None = None,
-) -> DialectSession:
+) -> LegacySession:
     """Open a session with one game.
 
     Raises:
@@ -114,4 +126,4 @@ def open_bridge_session(
         EngineError: The game did not start, or never connected.
     """
     check_settings(bridge, settings)
-    return DialectSession(bridge.opener()(place, **settings), max_episode_steps)
+    return LegacySession(bridge.opener()(place, **settings), max_episode_steps)

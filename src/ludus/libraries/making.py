@@ -31,11 +31,11 @@ def make(
     Args:
         target: A bundled example (``"cartpole"``), a project folder, a ``.tscn``, an exported game,
             ``host:port``, ``"play"`` (wait until somebody presses Play in the editor), or a game of
-            an older bridge: ``"gymgodot:PATH"``, ``"godot_gym_api:PATH"``, ``"http://HOST:PORT"``.
+            a legacy bridge: ``"gymgodot:PATH"``, ``"godot_gym_api:PATH"``, ``"http://HOST:PORT"``.
         policy: Name of the agent's policy, None if there is only one.
         render_mode: ``"human"`` opens a window and plays at the speed of the game.
         settings: Fields of :class:`ludus.PoolConfig`, such as ``scene="res://level.tscn"``,
-            ``ticks_per_step=4`` or ``godot="/path/to/godot"``; of a game of an older bridge also
+            ``ticks_per_step=4`` or ``godot="/path/to/godot"``; of a game of a legacy bridge also
             what its wire does not tell, such as ``action_space=…``.
 
     Raises:

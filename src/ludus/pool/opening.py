@@ -19,7 +19,7 @@ from ludus.engine import (
 from ludus.errors import ConfigError
 from ludus.legacy.registry import (
     Bridge,
-    GamePlace,
+    GameAddress,
     check_settings,
     find_bridge,
     open_bridge_session,
@@ -40,7 +40,7 @@ _NOT_OF_BRIDGES = (
     "spin_us",
     "launch",
 )
-"""Settings that mean nothing to a game of an older bridge."""
+"""Settings that mean nothing to a game of a legacy bridge."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +63,7 @@ class PoolConfig:
             3000 where a core is left beside the engines, else 0. Who often looks in vain, or
             loses the core meanwhile, sleeps at once for a second: somebody else needs the core.
         launch: How games are started and watched.
-        bridge: Settings of a target that is a game of an older bridge, such as
+        bridge: Settings of a target that is a game of a legacy bridge, such as
             ``{"action_space": …}``; :func:`ludus.make` takes them by their own names.
     """
 
@@ -120,7 +120,7 @@ def _open_bridge(bridge: Bridge, address: str, config: PoolConfig) -> EnginePool
     cores = _reserve_cores(config)
 
     def open_engine(engine: int) -> Session:
-        place = GamePlace(
+        place = GameAddress(
             address=address,
             num_games=config.num_engines,
             cores=cores.plan.engines[engine],
@@ -165,7 +165,7 @@ def _check_bridge(bridge: Bridge, config: PoolConfig) -> None:
 def _check(config: PoolConfig, target: Target) -> None:
     if config.bridge:
         raise ConfigError(
-            f"{', '.join(config.bridge)} is a setting of older bridges, and {target.name} is none"
+            f"{', '.join(config.bridge)} is a setting of legacy bridges, and {target.name} is none"
         )
     if config.layout not in {"scene", "isolated", "grid"}:
         raise ConfigError(f"layout is {config.layout!r}, expected scene, isolated or grid")

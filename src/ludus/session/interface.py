@@ -1,4 +1,4 @@
-"""What a connection to one engine can do, whatever the engine and the dialect."""
+"""What a connection to one engine can do, whatever the engine or bridge."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from typing import Any
 from ludus.errors import ProtocolError, UsageError
 from ludus.legacy.bevy_rl.client import AgentAnswer, Client
 from ludus.legacy.bevy_rl.observing import Observing
-from ludus.legacy.legacy_game import Declaration, Outcome
+from ludus.legacy.game import Declaration, Outcome
 
 __all__ = ["DeclaredGame", "to_json"]
 
@@ -18,7 +18,7 @@ ToAction = Callable[[Any], str]
 
 
 class DeclaredGame:
-    """A :class:`~ludus.legacy.legacy_game.DialectGame`.
+    """A :class:`~ludus.legacy.game.LegacyGame`.
 
     The program's seed is its own affair: the wire has none.
 
@@ -75,12 +75,12 @@ class DeclaredGame:
         return self._observing.observe(*self._client.observe(), self._declaration.num_agents)
 
     def send(self, actions: Sequence[Any]) -> None:
-        """Begin a step; errors as :meth:`DialectGame.send`."""
+        """Begin a step; errors as :meth:`LegacyGame.send`."""
         texts = [None if action is None else self._to_action(action) for action in actions]
         self._client.send_step(texts)
 
     def receive(self) -> Outcome:
-        """Wait for the end of the step; errors as :meth:`DialectGame.receive`."""
+        """Wait for the end of the step; errors as :meth:`LegacyGame.receive`."""
         agents, state, picture = self._client.receive_step()
         self._check_count(agents)
         observations = self._observing.observe(state, picture, len(agents))

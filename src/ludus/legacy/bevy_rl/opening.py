@@ -11,15 +11,15 @@ from ludus.legacy.bevy_rl.client import Client
 from ludus.legacy.bevy_rl.connection import Connection
 from ludus.legacy.bevy_rl.declared_game import DeclaredGame, to_json
 from ludus.legacy.bevy_rl.observing import Observing
-from ludus.legacy.legacy_game import Declaration
+from ludus.legacy.game import Declaration
 from ludus.legacy.places import check_one_game, read_place
-from ludus.legacy.registry import GamePlace
+from ludus.legacy.registry import GameAddress
 
 __all__ = ["open_game"]
 
 
 def open_game(
-    place: GamePlace,
+    place: GameAddress,
     *,
     action_space: Any,
     observation_space: Any,
@@ -84,8 +84,8 @@ def open_game(
     return DeclaredGame(client, declaration, observing, to_action, settle_s)
 
 
-def _read_address(place: GamePlace) -> tuple[str, int]:
-    bare = GamePlace(address=place.address.rstrip("/"))
+def _read_address(place: GameAddress) -> tuple[str, int]:
+    bare = GameAddress(address=place.address.rstrip("/"))
     found = read_place(bare)
     if not isinstance(found, tuple):
         raise TargetError(f"{place.address!r} is no address", hint="http://HOST:PORT")

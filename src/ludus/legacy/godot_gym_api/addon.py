@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ludus.addon import CLASSIC_PATH, read_project_file, write_project_file
+from ludus.addon import LEGACY_PATH, read_project_file, write_project_file
 from ludus.engine.kinds import EngineKind
 from ludus.engine.script_classes import find_script_classes, move_script_classes
 from ludus.errors import ConfigError, SetupError
@@ -23,7 +23,7 @@ _ROOT_CLASS, _ROOT_SCRIPT = "RLEnvironment", "rl_environment.gd"
 _STAND_IN = """\
 extends "res://{path}"
 # Stands where a script of godot_gym_api stood, for scenes and scripts that name its path.
-# Made by `ludus addon install --classic`, which keeps that script in {kept}.
+# Made by `ludus addon install --legacy`, which keeps that script in {kept}.
 """
 
 
@@ -49,7 +49,7 @@ def list_own_classes(root: Path) -> None:
         SetupError: It cannot be written.
     """
     text = read_project_file(root)
-    ours = find_script_classes(root / CLASSIC_PATH, f"res://{CLASSIC_PATH}")
+    ours = find_script_classes(root / LEGACY_PATH, f"res://{LEGACY_PATH}")
     moved = move_script_classes(text, ours)
     if moved == text:
         return

@@ -11,11 +11,11 @@ import numpy as np
 from gymnasium import spaces
 
 from ludus.errors import GameError, UsageError
+from ludus.legacy.game import Declaration, Outcome
 from ludus.legacy.godot_gym_api.client import GodotClient
 from ludus.legacy.godot_gym_api.data import Data
 from ludus.legacy.godot_gym_api.messages import AGENT_KEY, ENVIRONMENT_KEY, WORLD_KEY, State
 from ludus.legacy.gymgodot.spaces import to_action_list, to_observation
-from ludus.legacy.legacy_game import Declaration, Outcome
 
 __all__ = ["DeclaredGame", "Functions", "observation_by_names"]
 
@@ -38,7 +38,7 @@ class Functions:
 
 
 class DeclaredGame:
-    """A :class:`~ludus.legacy.legacy_game.DialectGame` with one agent.
+    """A :class:`~ludus.legacy.game.LegacyGame` with one agent.
 
     The game's seed is its own affair: the wire has none. Parameters of a reset configure the game.
 
@@ -94,7 +94,7 @@ class DeclaredGame:
         return (self._observation(self._client.reset(self._requested_observation)),)
 
     def send(self, actions: Sequence[Any]) -> None:
-        """Begin a step; errors as :meth:`DialectGame.send`."""
+        """Begin a step; errors as :meth:`LegacyGame.send`."""
         action = _plain_action(self._declaration.action_space, actions[0])
         self._client.begin_step(action, self._requested_observation)
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from ludus.errors import SequenceError
+from ludus.legacy.game import Declaration
 from ludus.legacy.godot_gym_api.declared_game import DeclaredGame, Functions
 from ludus.legacy.godot_gym_api.environment import GodotEnvironment
-from ludus.legacy.legacy_game import Declaration
 
 __all__ = ["GodotGymApiEnv"]
 

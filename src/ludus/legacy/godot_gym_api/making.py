@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ludus.errors import ConfigError
-from ludus.legacy.legacy_game import Declaration
+from ludus.legacy.game import Declaration
 
 if TYPE_CHECKING:
     from ludus.legacy.godot_gym_api.env import GodotGymApiEnv

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ludus.errors import ConfigError
+from ludus.legacy.game import Declaration
 from ludus.legacy.godot_gym_api.client import GodotClient
 from ludus.legacy.godot_gym_api.declared_game import DeclaredGame
 from ludus.legacy.godot_gym_api.declaring import check_spaces, read_functions
@@ -16,9 +17,8 @@ from ludus.legacy.godot_gym_api.messages import (
     WORLD_KEY,
     State,
 )
-from ludus.legacy.legacy_game import Declaration
 from ludus.legacy.places import check_one_game, read_place
-from ludus.legacy.registry import GamePlace
+from ludus.legacy.registry import GameAddress
 
 __all__ = ["open_game"]
 
@@ -27,7 +27,7 @@ Configuration = Mapping[str, Mapping[str, Any]]
 
 
 def open_game(
-    place: GamePlace,
+    place: GameAddress,
     *,
     action_space: Any,
     observation_space: Any,
@@ -96,7 +96,7 @@ def open_game(
 
 
 def _whereabouts(
-    place: GamePlace, engine_address: tuple[str, int] | None, command: str | None
+    place: GameAddress, engine_address: tuple[str, int] | None, command: str | None
 ) -> dict[str, Any]:
     """Return how the game is started, and where it listens, as a client takes it."""
     found = read_place(place)

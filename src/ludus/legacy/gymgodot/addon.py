@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from ludus.addon import ADDON_PATH, CLASSIC_PATH
+from ludus.addon import ADDON_PATH, LEGACY_PATH
 from ludus.legacy.addon_files import is_hidden
 
 __all__ = ["KEPT_PATH", "gymgodot_stand_ins", "scenes_without_action"]
@@ -22,9 +22,9 @@ _SCRIPT_NAME = "GymGodot.gd"
 _SIGNS = ("stepLength", "environmentNode", "WebSocketClient")
 """Words by which GymGodot's script is known."""
 _STAND_IN = f"""\
-extends "res://{CLASSIC_PATH}/gym_godot.gd"
+extends "res://{LEGACY_PATH}/gym_godot.gd"
 # Stands where the script of GymGodot stood, for scenes that name its path.
-# Made by `ludus addon install --classic`, which keeps that script in {{kept}}.
+# Made by `ludus addon install --legacy`, which keeps that script in {{kept}}.
 """
 _REFERENCE = re.compile(
     r'^\[ext_resource path="[^"]*/(?:GymGodot\.(?:tscn|gd)|gym_godot\.gd)".* id=(\d+)\]$',
@@ -55,7 +55,7 @@ def _scripts(root: Path) -> Iterator[Path]:
 
 def _without_action(root: Path) -> Iterator[Path]:
     """Yield scenes with a node of GymGodot that does not say what an action is."""
-    ours = {root / ADDON_PATH, root / CLASSIC_PATH}
+    ours = {root / ADDON_PATH, root / LEGACY_PATH}
     for file in sorted(root.rglob("*.tscn")):
         if is_hidden(file, root) or file.name == "GymGodot.tscn" or ours & set(file.parents):
             continue

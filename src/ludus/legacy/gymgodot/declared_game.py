@@ -6,15 +6,15 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from ludus.errors import GameError, UsageError
+from ludus.legacy.game import Declaration, Outcome
 from ludus.legacy.gymgodot.game import Game
 from ludus.legacy.gymgodot.spaces import to_action_list, to_observation
-from ludus.legacy.legacy_game import Declaration, Outcome
 
 __all__ = ["DeclaredGame"]
 
 
 class DeclaredGame:
-    """A :class:`~ludus.legacy.legacy_game.DialectGame` with one agent.
+    """A :class:`~ludus.legacy.game.LegacyGame` with one agent.
 
     The game's seed is its own affair: the wire has none.
 
@@ -55,11 +55,11 @@ class DeclaredGame:
         return (self._observation(self._game.reset(), "init_observation"),)
 
     def send(self, actions: Sequence[Any]) -> None:
-        """Begin a step; errors as :meth:`DialectGame.send`."""
+        """Begin a step; errors as :meth:`LegacyGame.send`."""
         self._game.begin_step(to_action_list(self._declaration.action_space, actions[0]))
 
     def receive(self) -> Outcome:
-        """Wait for the end of the step; errors as :meth:`DialectGame.receive`."""
+        """Wait for the end of the step; errors as :meth:`LegacyGame.receive`."""
         answer = self._game.end_step()
         observation = self._observation(answer.observation, "observation")
         return Outcome((observation,), (answer.reward,), (answer.is_done,), (False,))

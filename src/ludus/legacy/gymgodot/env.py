@@ -7,10 +7,10 @@ from typing import Any
 import gymnasium
 
 from ludus.errors import SequenceError
+from ludus.legacy.game import Declaration
 from ludus.legacy.gymgodot.declared_game import DeclaredGame
 from ludus.legacy.gymgodot.frames import Frames, check_saved
 from ludus.legacy.gymgodot.game import Game
-from ludus.legacy.legacy_game import Declaration
 
 __all__ = ["GymGodotEnv"]
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ludus.errors import ConfigError, SetupError
+from ludus.legacy.game import Declaration
 from ludus.legacy.gymgodot.spaces import check_space, max_message_bytes
-from ludus.legacy.legacy_game import Declaration
 
 if TYPE_CHECKING:
     from ludus.legacy.gymgodot.env import GymGodotEnv

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ludus.errors import ConfigError
+from ludus.legacy.game import Declaration
 from ludus.legacy.gymgodot.making import USUAL_STEP_LENGTH, check_host, check_packages
 from ludus.legacy.gymgodot.spaces import check_space, max_message_bytes
-from ludus.legacy.legacy_game import Declaration
 from ludus.legacy.places import check_one_game, read_place
-from ludus.legacy.registry import GamePlace
+from ludus.legacy.registry import GameAddress
 
 if TYPE_CHECKING:
     from ludus.legacy.gymgodot.declared_game import DeclaredGame
@@ -19,7 +19,7 @@ __all__ = ["open_game"]
 
 
 def open_game(
-    place: GamePlace,
+    place: GameAddress,
     *,
     action_space: Any,
     observation_space: Any,
@@ -83,7 +83,7 @@ def open_game(
     return DeclaredGame(Game(config), declaration)
 
 
-def _check_start(place: GamePlace, target: Path | None, command: str | None, port: int) -> None:
+def _check_start(place: GameAddress, target: Path | None, command: str | None, port: int) -> None:
     if target is not None and command is not None:
         raise ConfigError(
             f"both {target} and exeCmd are given, which say how the game starts",

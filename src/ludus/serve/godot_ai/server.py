@@ -1,6 +1,6 @@
-"""A server of one dialect: sockets, a thread for each client, deadlines.
+"""The server of godot-ai games: sockets, a thread for each client, deadlines.
 
-Messages are answered one at a time in one thread, whoever they come from: a dialect needs no locks,
+Messages are answered one at a time in one thread, whoever they come from: no locks are needed,
 and PyTorch keeps to the number of threads that was set, which it remembers per thread. A client
 that breaks the rules is told so and dropped; the others notice nothing.
 """
@@ -21,7 +21,7 @@ from typing import Any, Protocol
 from ludus.errors import EngineTimeout, LudusError, ProtocolError, SetupError
 from ludus.serve.godot_ai.json_stream import JsonStream
 
-__all__ = ["Dialect", "Server", "ServerConfig"]
+__all__ = ["Answering", "Server", "ServerConfig"]
 
 POLL_S = 0.1
 READ_BYTES = 1 << 16
@@ -31,7 +31,7 @@ LINGER_S = 1.0
 log = logging.getLogger(__name__)
 
 
-class Dialect(Protocol):
+class Answering(Protocol):
     """What messages mean."""
 
     def answer(self, message: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -76,8 +76,8 @@ class Server:
         self._requests: queue.SimpleQueue[_Request] = queue.SimpleQueue()
         self._is_stopping = threading.Event()
 
-    def run(self, dialect: Dialect, is_stopping: Callable[[], bool]) -> None:
-        """Serve until ``is_stopping``; then end all connections, and close the dialect.
+    def run(self, answering: Answering, is_stopping: Callable[[], bool]) -> None:
+        """Serve until ``is_stopping``; then end all connections, and close ``answering``.
 
         All messages are answered in the thread that calls this.
         """
@@ -89,11 +89,11 @@ class Server:
                     request = self._requests.get(timeout=POLL_S)
                 except queue.Empty:
                     continue
-                request.answer(dialect)
+                request.answer(answering)
         finally:
             self._is_stopping.set()
             acceptor.join(self._config.message_timeout_s)
-            dialect.close()
+            answering.close()
 
     def _accept_all(self) -> None:
         """Start a thread for each client that comes."""
@@ -135,10 +135,10 @@ class _Request:
         self._answer: Mapping[str, Any] | None = None
         self._is_done = threading.Event()
 
-    def answer(self, dialect: Dialect) -> None:
+    def answer(self, answering: Answering) -> None:
         """Find the answer, and wake up who waits for it."""
         try:
-            self._answer = dialect.answer(self._message)
+            self._answer = answering.answer(self._message)
         finally:
             self._is_done.set()
 

@@ -63,8 +63,8 @@ class Game:
 class Guidance:
     """Does for one game what it asks for, and tells it how that goes.
 
-    It is the trainer's :class:`~ludus.training.callback.Attendant`, too. A game that does not guide
-    its training is trained from the start until it says stop.
+    It is also the trainer's :class:`~ludus.training.callback.TrainerCallback`. A game that does not
+    guide its training is trained from the start until it says stop.
 
     Args:
         game: The game.
@@ -106,16 +106,16 @@ class Guidance:
                     self._stand_by(is_stopping)
         return "interrupted" if is_stopping() else "stopped"
 
-    def is_needed(self) -> bool:
+    def is_due(self) -> bool:
         """Return whether the game asks for something, or waits for a report."""
         return self._session.has_requests or time.monotonic() >= self._status_due_at
 
-    def attend(self) -> bool:
-        """Obey and report; return whether what goes on has to end."""
-        wishes = [*self._session.take_requests(), *take_requests(self._run.folder.control)]
-        for wish in wishes:
-            self._obey(wish)
-        if self._next == self._state and (wishes or time.monotonic() >= self._status_due_at):
+    def call(self) -> bool:
+        """Handle requests and report; return whether what goes on has to end."""
+        requests = [*self._session.take_requests(), *take_requests(self._run.folder.control)]
+        for values in requests:
+            self._apply(values)
+        if self._next == self._state and (requests or time.monotonic() >= self._status_due_at):
             self._show_status()
         return self._next != self._state
 
@@ -130,7 +130,7 @@ class Guidance:
             self._session.stand_by()
 
     def _stand_by(self, is_stopping: Callable[[], bool]) -> None:
-        while not is_stopping() and not self.attend():
+        while not is_stopping() and not self.call():
             time.sleep(POLL_S)
 
     def _train(self, is_stopping: Callable[[], bool]) -> None:
@@ -153,13 +153,13 @@ class Guidance:
             self._next = self._after_round
 
     def _is_leaving(self) -> bool:
-        return self.is_needed() and self.attend()
+        return self.is_due() and self.call()
 
     # --- requests -------------------------------------------------------------------------------
 
-    def _obey(self, wish: Any) -> None:
+    def _apply(self, values: Any) -> None:
         try:
-            self._do(parse_request(wish, self._pool.policies))
+            self._do(parse_request(values, self._pool.policies))
         except LudusError as error:
             self._warn(f"{error.message} ({error.hint})" if error.hint else error.message)
 
