@@ -86,7 +86,7 @@ def film_played(
         SetupError: There is no screen, or nothing to draw with.
     """
     engine = _engine_of(target)
-    with _camera(shot) as camera, _explained(engine):
+    with _camera(shot) as camera, _hint_at_renderer(engine):
         launch = LaunchOptions(is_windowed=True, engine_args=_engine_args(engine, shot))
         settings = replace(config, scene=target.scene, is_pinned=False, launch=launch)
         with open_pool(require_project(target).root, settings) as pool:
@@ -114,7 +114,7 @@ def film_alone(target: Target, shot: Shot) -> None:
     command = godot_command(engine, project.root, target.scene, flags)
     with (
         _camera(shot) as camera,
-        _explained(engine),
+        _hint_at_renderer(engine),
         EngineProcess.start(LaunchConfig(command=command)) as process,
     ):
         camera.connect(CONNECT_S, lambda: _check_alive(process))
@@ -141,8 +141,8 @@ def _camera(shot: Shot) -> Generator[Camera]:
 
 
 @contextmanager
-def _explained(engine: InstalledEngine) -> Generator[None]:
-    """Say what is missing where the game could not draw."""
+def _hint_at_renderer(engine: InstalledEngine) -> Generator[None]:
+    """Say how to install a renderer, where the game could not draw."""
     try:
         yield
     except EngineError as error:
