@@ -12,9 +12,8 @@ import pytest
 
 from ludus.errors import DivergenceError
 from ludus.runs.control import StopRequest
-from ludus.runs.metrics_sample import sample_metrics
 from ludus.runs.run_folder import RunFolder
-from ludus.runs.run_list import list_runs, running_runs
+from ludus.runs.run_list import list_runs, running_runs, sample_metrics
 from ludus.training.loop import train
 from tests.runs.test_control import Asking
 

@@ -37,7 +37,6 @@ from ludus.engine.launch import (
 from ludus.engine.process import EngineProcess
 from ludus.engine.project import Project, find_project, read_project, scene_path
 from ludus.engine.screen import find_xvfb, has_screen, with_display
-from ludus.engine.target import Target, TargetKind, resolve_target
 from ludus.engine.template import ExportTemplate, find_template, matching_template
 
 __all__ = [
@@ -53,8 +52,6 @@ __all__ = [
     "LaunchConfig",
     "Project",
     "ReservedCores",
-    "Target",
-    "TargetKind",
     "allowed_cores",
     "doctor",
     "ensure_imported",
@@ -76,7 +73,6 @@ __all__ = [
     "plan_cores",
     "read_project",
     "reserve_cores",
-    "resolve_target",
     "scene_path",
     "search_engines",
     "template_installers",

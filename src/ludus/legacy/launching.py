@@ -9,13 +9,12 @@ from pathlib import Path
 
 from ludus.engine import (
     GodotFlags,
-    Project,
     ensure_imported,
     godot_command,
-    resolve_target,
     with_display,
 )
 from ludus.errors import TargetError
+from ludus.target import Scene, parse_target
 
 __all__ = ["project_command", "shell_command"]
 
@@ -42,18 +41,22 @@ def project_command(
         TargetError: It is something else, or does not exist.
         EngineNotFound: There is no engine to run it with.
     """
-    found = resolve_target(target)
-    project = _project_of(found.project, target)
-    engine = found.find_engine()
-    assert engine is not None
-    ensure_imported(engine, project)
+    scene = parse_target(target)
+    if not isinstance(scene, Scene):
+        raise TargetError(
+            f"{target} is no Godot project and no scene",
+            hint="name the folder of a project or a .tscn; a line for the shell starts anything "
+            "else, such as an exported game",
+        )
+    engine = scene.find_engine()
+    ensure_imported(engine, scene.project)
     flags = GodotFlags(
         headless=not is_windowed,
         fixed_fps=frames_per_second,
         user_args=arguments,
         engine_args=_drawing(is_windowed=is_windowed),
     )
-    command = godot_command(engine, project.root, found.scene, flags)
+    command = godot_command(engine, scene.project.root, scene.path, flags)
     return _leashed(with_display(command) if is_windowed else command)
 
 
@@ -73,16 +76,6 @@ def shell_command(
     if os.name != "posix":
         return ("cmd", "/s", "/c", f"{line} {subprocess.list2cmdline(whole)}")
     return _leashed(("/bin/sh", "-c", f"{line} {shlex.join(whole)}"))
-
-
-def _project_of(project: Project | None, target: str | Path) -> Project:
-    if project is None:
-        raise TargetError(
-            f"{target} is no Godot project and no scene",
-            hint="name the folder of a project or a .tscn; a line for the shell starts anything "
-            "else, such as an exported game",
-        )
-    return project
 
 
 def _drawing(*, is_windowed: bool) -> tuple[str, ...]:

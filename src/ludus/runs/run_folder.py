@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any
 from ludus.disk import disk_errors, write_atomically
 from ludus.errors import CheckpointError, RunError
 from ludus.locks import LockHeld, file_lock
+from ludus.target import GYMNASIUM_PREFIX, find_run
 
 if TYPE_CHECKING:
     from ludus.runs.checkpoint import CheckpointStore
@@ -80,30 +81,19 @@ class RunFolder:
                 path = config.runs / f"{stem}-{attempt}"
 
     @classmethod
-    def look_up(cls, path: Path) -> RunFolder | None:
-        """Return the run that ``path`` is, or is a checkpoint of; None if it is neither."""
-        if not path.is_dir() or (path / "project.godot").is_file():
-            return None
-        # Resolved only where it must be, so that messages show the path as it was given.
-        for folder in (path, path.parent.parent, path.resolve().parent.parent):
-            if (folder / "config.json").is_file():
-                return cls(folder)
-        return None
-
-    @classmethod
     def find(cls, path: Path) -> RunFolder:
         """Return the folder of an existing run; a checkpoint inside it will do, too.
 
         Raises:
             CheckpointError: There is no run.
         """
-        folder = cls.look_up(path)
-        if folder is None:
+        run = find_run(path)
+        if run is None:
             raise CheckpointError(
                 f"{path} is not a run: it has no config.json",
                 "name a folder that ludus train made, such as runs/cartpole-…",
             )
-        return folder
+        return cls(run.folder)
 
     @property
     def metrics(self) -> Path:
@@ -207,8 +197,8 @@ class RunFolder:
 
 
 def _slug(target: str) -> str:
-    if target.startswith("gym:"):
-        stem = target.removeprefix("gym:")
+    if target.startswith(GYMNASIUM_PREFIX):
+        stem = target.removeprefix(GYMNASIUM_PREFIX)
     else:
         stem = Path(target).stem if Path(target).exists() else Path(target).name
     return re.sub(r"[^A-Za-z0-9._-]+", "-", stem).strip("-.") or "run"
