@@ -7,6 +7,11 @@
 
 from __future__ import annotations
 
+from ludus.folder_imports import drop_current_folder
+
+drop_current_folder()  # before anything else is imported
+
+# ruff: noqa: E402
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 

@@ -16,7 +16,7 @@ from ludus.engine.target import TargetKind
 from ludus.errors import SetupError, TargetError
 from tests.bevy.conftest import TARGET
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(180, func_only=True)]
+pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(180, func_only=True)]
 
 FLAGS = GodotFlags(user_args=("--ludus-connect=unix:/a",))
 

@@ -23,7 +23,7 @@ from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetAction, ResetRequest
 from tests.record.games import frames_of
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(900)]
 
 TARGET = "bevy:beacon"
 NUM_WORLDS = 3

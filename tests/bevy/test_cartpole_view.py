@@ -13,7 +13,7 @@ from ludus.engine.bundled import bevy_workspace
 from ludus.record import RecordConfig, record
 from tests.record.games import frames_of
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(900)]
 
 TARGET = "bevy:cartpole"
 CART, POLE, POST = (37, 99, 235), (230, 90, 30), (168, 140, 110)

@@ -28,7 +28,7 @@ from ludus.wire.handshake import EngineConfig
 from tests.bevy.conftest import Open
 from tests.godot.conftest import is_gone, reset, step
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(180, func_only=True)]
+pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(180, func_only=True)]
 
 DEADLINE_S = 20.0
 

@@ -22,7 +22,7 @@ from ludus.spec.batch import ActionBatch, Batch
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(300, func_only=True)]
+pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(300, func_only=True)]
 
 TARGET = "bevy:shooter"
 NUM_SHOOTERS, NUM_TARGETS, NUM_RAYS = 3, 12, 21

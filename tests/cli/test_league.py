@@ -12,7 +12,7 @@ import pytest
 
 from ludus.cli.main import main
 from tests.cli.short_runs import short_run
-from tests.training.duel import make_project
+from tests.league.duel import make_project
 
 TAG = [
     "tag", "--num-worlds", "8", "--num-engines", "1", "--total-steps", "8192", "--seed", "3",

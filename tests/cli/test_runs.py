@@ -69,11 +69,26 @@ def test_no_runs_is_no_error(
     assert json.loads(capsys.readouterr().out) == {"runs": []}
 
 
+def test_listing_imports_neither_torch_nor_numpy(runs: Path) -> None:
+    code = f"""if True:
+        import sys
+        from ludus.cli.main import main
+        assert main(["runs", {str(runs)!r}]) == 0
+        heavy = {{"torch", "numpy", "gymnasium", "tensorboard", "matplotlib"}} & sys.modules.keys()
+        assert not heavy, heavy
+    """
+    arguments = [sys.executable, "-c", code]
+    listing = subprocess.run(arguments, check=False, capture_output=True, text=True)
+    assert listing.returncode == 0, listing.stderr
+    assert "second" in listing.stdout
+
+
 def test_a_file_is_no_folder(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["runs", str(runs / "notes.txt")]) == 2
     assert "cannot list" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_killed_run_has_crashed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     typed = [*SMALL, "--runs", str(tmp_path), "--name", "r", "--total-steps", "100000000"]
     child = subprocess.Popen(

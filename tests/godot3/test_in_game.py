@@ -17,7 +17,7 @@ from ludus.cli import main
 from ludus.engine import EngineKind, InstalledEngine, find_engine, resolve_target
 from ludus.engine.bundled import runnable_bundled_root
 from ludus.errors import EngineCrashed
-from ludus.export import godot_runtime
+from ludus.export import engines as engine_runtimes
 from ludus.export.convert import to_model
 from ludus.export.parity import PolicyFiles, measure_parity, require_parity
 from ludus.model import PolicyModel, write_model
@@ -28,8 +28,8 @@ from ludus.session import open_session
 from ludus.settings.train_config import PolicyConfig, PPOConfig, SACConfig
 from ludus.spec import PolicySpec
 from ludus.wire.handshake import EngineConfig
-from tests.training.test_export_godot import ATARI
-from tests.training.trained_runs import MIXED, SIMPLE, make_policy
+from tests.export.test_godot import ATARI
+from tests.export.trained_runs import MIXED, SIMPLE, make_policy
 
 pytestmark = [pytest.mark.engine, pytest.mark.timeout(300)]
 
@@ -55,7 +55,7 @@ def nothing_is_left() -> Iterator[None]:
 
 def godots() -> list[int]:
     """Return the ids of all Godot 3 processes that play or test policies of these tests."""
-    words = (str(godot_runtime.SCRIPT3), "--ludus-report")
+    words = (str(engine_runtimes.SCRIPT3), "--ludus-report")
     return [
         process.pid
         for process in psutil.process_iter(["cmdline", "status", "ppid"])

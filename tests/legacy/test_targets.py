@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +10,7 @@ import pytest
 from gymnasium import spaces
 
 import ludus
+from ludus.cli.main import main
 from ludus.engine.target import BRIDGE_PREFIXES
 from ludus.errors import ConfigError, EngineStartError, LudusError, TargetError
 from ludus.legacy.registry import BRIDGES, find_bridge
@@ -115,15 +114,14 @@ def test_settings_of_bridges_are_of_no_use_elsewhere() -> None:
 
 @pytest.mark.parametrize("command", ["train", "play --headless --random", "check", "bench"])
 @pytest.mark.parametrize("prefix", SETTINGS)
-def test_commands_say_what_to_do(prefix: str, command: str, tmp_path: Path) -> None:
-    result = subprocess.run(
-        [sys.executable, "-m", "ludus", *command.split(), f"{prefix}127.0.0.1:1"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=60.0,
-        check=False,
-    )
-    assert result.returncode == 2, result.stderr
-    assert "gym:MODULE:ID" in result.stderr
+def test_commands_say_what_to_do(
+    prefix: str,
+    command: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main([*command.split(), f"{prefix}127.0.0.1:1"]) == 2
+    assert "gym:MODULE:ID" in capsys.readouterr().err
     assert list(tmp_path.rglob("*")) in ([], [tmp_path / "runs"])

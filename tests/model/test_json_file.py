@@ -51,7 +51,7 @@ MISTAKES: dict[str, tuple[Change, str]] = {
     "another format": (lambda j: j.update(format="onnx"), "format: expected"),
     "a later version": (lambda j: j.update(version=2), "version: expected 1, got 2"),
     "no layers": (lambda j: j.update(layers=[]), "layers: expected 1 to 64"),
-    "a key is missing": (lambda j: j.pop("images"), "images: missing"),
+    "a key is missing": (lambda j: j.pop("images"), "images: expected a value, got nothing"),
     "an image without entry": (
         lambda j: j["images"].append(
             {"entry": "x", "convolutions": [], "linear": j["layers"][0]},
@@ -85,7 +85,7 @@ MISTAKES: dict[str, tuple[Change, str]] = {
     ),
     "no base64": (
         lambda j: j["layers"][0]["bias"].update(data="*"),
-        "layers[0].bias.data: no base64",
+        "layers[0].bias.data: expected base64",
     ),
     "too few bytes": (
         lambda j: j["layers"][0]["bias"].update(data="AAAA"),
@@ -93,11 +93,11 @@ MISTAKES: dict[str, tuple[Change, str]] = {
     ),
     "a fraction of a size": (
         lambda j: j["layers"][0]["bias"].update(shape=[2.5]),
-        "layers[0].bias.shape: expected sizes, got 2.5",
+        "layers[0].bias.shape[0]: expected an integer, got 2.5",
     ),
     "a huge shape": (
         lambda j: j["layers"][0]["bias"].update(shape=[1 << 20, 1 << 20]),
-        "layers[0].bias.shape: more than",
+        "layers[0].bias.shape: expected 1 to 4 sizes of at most",
     ),
     "not a number": (
         lambda j: j["distribution"].update(log_std=NAN),
@@ -132,7 +132,7 @@ def test_mistakes_in_convolutions_are_named() -> None:
     value = to_json(MODELS["camera"]())
     layer = value["images"][0]["convolutions"][1]
     for key, wrong, expected in [
-        ("stride", 0, "stride: expected an integer from 1"),
+        ("stride", 0, "stride: expected 1 to 65536, got 0"),
         ("padding", 3, "padding: expected 0 to less than the kernel, got 3"),
         ("stride", 9, None),
     ]:

@@ -92,12 +92,6 @@ def test_times_are_those_of_the_last_step(open_with: Opener) -> None:
     assert (times.tick, times.engine_us, times.bridge_us, times.wait_us) == (77, 1, 2, 3)
 
 
-def test_ping_comes_back(open_with: Opener) -> None:
-    session = open_with(answering(frame("PONG", b"\x00\xff"), frame("PONG", b"")))
-    assert session.ping(b"\x00\xff") == b"\x00\xff"
-    assert session.ping() == b""
-
-
 def test_calls(open_with: Opener) -> None:
     answers = [b'{"id": 1, "value": [2.5]}', b'{"id": 2.0, "error": "no such wind"}', b'{"id": 3}']
     session = open_with(answering(*[frame("RESULT", answer) for answer in answers]))

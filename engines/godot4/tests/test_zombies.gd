@@ -233,9 +233,7 @@ func test_by_hand_zombies_come_and_space_shoots() -> void:
 	var game := host.simulation as Zombies
 	var play := LudusManualPlay.new(tree)
 	_tick(play, host)
-	game.map.clear()
-	game.soldier.begin(Vector2(-100.0, 0.0), 0.0)
-	game.zombies[0].begin(Vector2(150.0, 0.0), 0.0)
+	_line_up(game)
 	press(KEY_SPACE, true)
 	press(KEY_D, true)
 	_tick(play, host)
@@ -252,14 +250,18 @@ func _tick(play: LudusManualPlay, host: LudusSimulationHost) -> void:
 	host._physics_process(1.0 / 60.0)
 
 
-## Soldier and zombies on the x axis; all look right, as nought says.
 func _open_game() -> Zombies:
 	var game := _game(2)
+	_line_up(game)
+	return game
+
+
+## Puts soldier and zombies on the x axis of a map without walls. All look right.
+func _line_up(game: Zombies) -> void:
 	game.map.clear()
 	game.soldier.begin(Vector2(-100.0, 0.0), 0.0)
 	game.zombies[0].begin(Vector2(150.0, 0.0), 0.0)
 	game.zombies[1].begin(Vector2(200.0, 0.0), 0.0)
-	return game
 
 
 func _game(seed_value: int) -> Zombies:

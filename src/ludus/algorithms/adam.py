@@ -47,7 +47,7 @@ class Adam:
         self._gradients.zero_()
 
     @torch.no_grad()
-    def shorten_gradients(self, max_norm: float) -> Tensor:
+    def clip_grad_norm(self, max_norm: float) -> Tensor:
         """Scale the gradient to ``max_norm`` if it is longer; return its length before."""
         length = self._gradients.square().sum().sqrt_()
         self._gradients.mul_((max_norm / (length + 1e-6)).clamp_(max=1.0))

@@ -17,7 +17,7 @@ from ludus.errors import DivergenceError
 from ludus.networks.policy import Policy
 from ludus.spec.batch import ActionBatch, Batch
 
-__all__ = ["NUM_SAMPLES", "Learner", "LearnerSettings", "LearnerState", "refuse_divergence"]
+__all__ = ["NUM_SAMPLES", "Learner", "LearnerSettings", "LearnerState", "check_finite_losses"]
 
 NUM_SAMPLES = 64
 """Recent observations that a state carries, for the parity test of exported policies."""
@@ -89,7 +89,7 @@ class Learner(Protocol):
         """Take the outcome of the last actions, and the observations to act on next."""
         ...
 
-    def learn_meanwhile(self) -> None:
+    def learn_while_stepping(self) -> None:
         """Learn a little while engines simulate; called after actions were sent to an engine."""
         ...
 
@@ -120,7 +120,7 @@ class Learner(Protocol):
         ...
 
 
-def refuse_divergence(policy: str, metrics: Mapping[str, float]) -> None:
+def check_finite_losses(policy: str, metrics: Mapping[str, float]) -> None:
     """Raise where learning has gone astray.
 
     Raises:

@@ -25,7 +25,7 @@ from torch import Tensor
 
 from ludus.algorithms.adam import Adam, learning_rate_at
 from ludus.algorithms.advantage import generalised_advantage
-from ludus.algorithms.learner import NUM_SAMPLES, LearnerSettings, LearnerState, refuse_divergence
+from ludus.algorithms.learner import NUM_SAMPLES, LearnerSettings, LearnerState, check_finite_losses
 from ludus.algorithms.ppo_losses import approximate_kl, clipped_surrogate, value_loss
 from ludus.algorithms.recurrence import Sequences, cut_into_sequences, run_memory
 from ludus.algorithms.rollout import Rollout
@@ -108,7 +108,10 @@ class PPO:
             if config.critic_hidden_sizes is None
             else config.critic_hidden_sizes
         )
-        self._critic = perceptron((policy.feature_size, *sizes, 1), config.activation, 1.0)
+        # Values start at exactly 0. Until the first reward, random ones would be all there is to
+        # the advantages; normalised, that noise makes the actor nearly deterministic, often before
+        # it has reached a reward at all.
+        self._critic = perceptron((policy.feature_size, *sizes, 1), config.activation, 0.0)
         self._critic.to(self._device)
         parameters = itertools.chain(policy.parameters(), self._critic.parameters())
         self._optimiser = Adam(parameters, ADAM_EPSILON)
@@ -195,7 +198,7 @@ class PPO:
         """Learn from the rollout, then begin the next where it ended.
 
         With ``overlap``, finish learning from the rollout before instead, and leave this one to
-        :meth:`learn_meanwhile`.
+        :meth:`learn_while_stepping`.
         """
         self._finish()
         losses, self._losses = self._losses, {}
@@ -217,7 +220,7 @@ class PPO:
             losses["action_std"] = float(self.policy.head.log_std.detach().exp().mean())
         return losses
 
-    def learn_meanwhile(self) -> None:
+    def learn_while_stepping(self) -> None:
         """Take the gradient steps that are due while engines simulate; only with ``overlap``."""
         self._steps_owed += self._steps_per_call
         while self._steps_owed >= 1.0:
@@ -254,7 +257,7 @@ class PPO:
                 yield
             means = to_numbers(torch.stack(steps).mean(0))
             losses = dict(zip(LOSS_METRICS, means, strict=True))
-            refuse_divergence(self.policy.spec.name, losses)
+            check_finite_losses(self.policy.spec.name, losses)
             num_epochs += 1
             if target_kl is not None and losses["approximate_kl"] > target_kl:
                 break
@@ -291,7 +294,7 @@ class PPO:
         )
         self._optimiser.zero_gradients()
         cast(Any, loss).backward()
-        grad_norm = self._optimiser.shorten_gradients(config.max_grad_norm)
+        grad_norm = self._optimiser.clip_grad_norm(config.max_grad_norm)
         self._optimiser.step(self._learning_rate)
 
         with torch.no_grad():

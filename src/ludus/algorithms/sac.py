@@ -20,7 +20,7 @@ import torch
 from torch import Tensor, nn
 
 from ludus.algorithms.adam import Adam, as_one_vector, learning_rate_at
-from ludus.algorithms.learner import NUM_SAMPLES, LearnerSettings, LearnerState, refuse_divergence
+from ludus.algorithms.learner import NUM_SAMPLES, LearnerSettings, LearnerState, check_finite_losses
 from ludus.algorithms.replay import LastState, Replay, Sample
 from ludus.algorithms.sac_losses import (
     critic_loss,
@@ -240,7 +240,7 @@ class SAC:
 
     # --- learning -------------------------------------------------------------------------------
 
-    def learn_meanwhile(self) -> None:
+    def learn_while_stepping(self) -> None:
         """Take the gradient steps that are due while engines simulate."""
         num_steps = int(self._steps_owed)
         if not num_steps:
@@ -255,13 +255,13 @@ class SAC:
 
     def update(self, progress: float) -> dict[str, float]:
         """Take the gradient steps that are left; return means since the last update."""
-        self.learn_meanwhile()
+        self.learn_while_stepping()
         self._learning_rate = learning_rate_at(progress, self.config)
         metrics: dict[str, float] = {}
         if self._num_summed:
             means = to_numbers(self._sums / self._num_summed)
             metrics = dict(zip(LOSS_METRICS, means, strict=True))
-            refuse_divergence(self.policy.spec.name, metrics)
+            check_finite_losses(self.policy.spec.name, metrics)
         metrics["learning_rate"] = self._learning_rate
         metrics["gradient_steps"] = float(self._num_gradient_steps)
         metrics["replay_size"] = float(self._replay.size)
@@ -323,7 +323,7 @@ class SAC:
         cast(Any, loss).backward()
         for optimiser in optimisers:
             if self.config.max_grad_norm is not None:
-                optimiser.shorten_gradients(self.config.max_grad_norm)
+                optimiser.clip_grad_norm(self.config.max_grad_norm)
             optimiser.step(self._learning_rate)
 
     def _critic_losses(self, batch: Minibatch, temperature: Tensor) -> tuple[Tensor, Tensor]:

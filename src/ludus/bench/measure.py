@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ludus.bench.echo import measure_echo
 from ludus.bench.report import BenchReport, Breakdown
-from ludus.engine import CorePlan, Target, pinned_to, plan_cores, resolve_target
+from ludus.engine import CorePlan, Target, pinned_to, reserve_cores, resolve_target
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.session import EngineSession
 from ludus.spec import PolicySpec
@@ -96,7 +96,7 @@ def _measure_pool(
     breakdowns: list[Breakdown] = []
     for number in range(config.rounds):
         report_progress(f"round {number + 1} of {config.rounds}")
-        with pinned_to(_learner_cores(config.pool)):
+        with pinned_to(pool.learner_cores):
             num_steps, elapsed_s, breakdown = _play(pool, actions, config)
         steps_per_s = num_steps * num_agents / elapsed_s
         ceiling = _ceiling(pool, max(num_steps, 10), config.seed + number) * num_agents
@@ -179,7 +179,7 @@ def _measure_single(config: BenchConfig) -> _SingleWorld:
         pool.reset(config.seed)
         resident_bytes = _resident_bytes(pool)
         trips: list[float] = []
-        with pinned_to(_learner_cores(single)):
+        with pinned_to(pool.learner_cores):
             for step in range(_NUM_ROUND_TRIPS):
                 began = time.perf_counter()
                 pool.send(0, actions[step % _NUM_ACTION_SETS])
@@ -199,13 +199,10 @@ def _measure_echo(config: BenchConfig, sizes: tuple[int, int]) -> float | None:
     engine = target.find_engine()
     if engine is None:
         return None
-    plan = plan_cores(1) if config.pool.is_pinned else CorePlan((None,), None)
-    return measure_echo(engine, sizes, _NUM_ROUND_TRIPS, plan)
-
-
-def _learner_cores(pool: PoolConfig) -> tuple[int, ...] | None:
-    """Return the cores that pinned engines leave to Python."""
-    return plan_cores(pool.num_engines).learner if pool.is_pinned else None
+    if not config.pool.is_pinned:
+        return measure_echo(engine, sizes, _NUM_ROUND_TRIPS, CorePlan((None,), None))
+    with reserve_cores(1) as cores:
+        return measure_echo(engine, sizes, _NUM_ROUND_TRIPS, cores.plan)
 
 
 def _random_actions(policies: Any, seed: int) -> Actions:

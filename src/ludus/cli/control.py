@@ -34,14 +34,14 @@ class ControlCommand:
     most probable actions and learns nothing). The trainer looks for requests after every update.
 
     Attributes:
-        words: Run folder, then what policies are to do: chaser=frozen. The folder may be left out
+        changes: Run folder, then what policies are to do: chaser=frozen. The folder may be left out
             when exactly one run in runs is running.
         save: Write a checkpoint now.
         stop: End training, with a checkpoint and the evaluation.
         timeout: Seconds to wait until the trainer has taken the requests.
     """
 
-    words: Annotated[
+    changes: Annotated[
         tyro.conf.Positional[tuple[str, ...]], tyro.conf.arg(metavar="[RUN] [POLICY=MODE ...]")
     ] = ()
     save: bool = False
@@ -63,11 +63,11 @@ def run(command: ControlCommand) -> int:
     from ludus.runs.control import SaveRequest, StopRequest
     from ludus.runs.run_folder import RunFolder
 
-    folder, wishes = _split(command.words)
-    if not wishes and not command.save and not command.stop:
+    folder, changes = _split_run(command.changes)
+    if not changes and not command.save and not command.stop:
         raise UsageError("nothing was asked for", f"name a mode, --save or --stop, {USAGE}")
     found = _only_running() if folder is None else RunFolder.find(folder)
-    requests: list[Request] = [*read_wishes(wishes, found.read_config().policies)]
+    requests: list[Request] = [*parse_changes(changes, found.read_config().policies)]
     requests += [SaveRequest()] * command.save + [StopRequest()] * command.stop
     if not found.is_running():
         raise RunError(
@@ -75,12 +75,12 @@ def run(command: ControlCommand) -> int:
             f"ludus train --resume {found.path} goes on with it; ludus runs lists all",
         )
     _send(found, requests, command.timeout)
-    asked = ", ".join([*wishes, *["save"] * command.save, *["stop"] * command.stop])
+    asked = ", ".join([*changes, *["save"] * command.save, *["stop"] * command.stop])
     sys.stdout.write(f"{found.path} has taken: {asked}\n")
     return 0
 
 
-def read_wishes(wishes: Sequence[str], policies: Collection[str]) -> list[Request]:
+def parse_changes(changes: Sequence[str], policies: Collection[str]) -> list[Request]:
     """Return what ``policy=mode`` texts ask for.
 
     Raises:
@@ -90,10 +90,10 @@ def read_wishes(wishes: Sequence[str], policies: Collection[str]) -> list[Reques
 
     requests: list[Request] = []
     named: set[str] = set()
-    for wish in wishes:
-        policy, equals, mode = wish.partition("=")
+    for change in changes:
+        policy, equals, mode = change.partition("=")
         if not equals:
-            raise UsageError(f"{wish!r} is no request", f"write POLICY=MODE, {USAGE}")
+            raise UsageError(f"cannot read the change {change!r}", f"write POLICY=MODE, {USAGE}")
         if policy not in policies:
             raise _unknown("policy", policy, policies, "policies of the run")
         if mode not in MODES:
@@ -105,11 +105,11 @@ def read_wishes(wishes: Sequence[str], policies: Collection[str]) -> list[Reques
     return requests
 
 
-def _split(words: Sequence[str]) -> tuple[Path | None, Sequence[str]]:
+def _split_run(changes: Sequence[str]) -> tuple[Path | None, Sequence[str]]:
     """Return the run folder, None if none was named, and the rest."""
-    if not words or ("=" in words[0] and not Path(words[0]).is_dir()):
-        return None, words
-    return Path(words[0]), words[1:]
+    if not changes or ("=" in changes[0] and not Path(changes[0]).is_dir()):
+        return None, changes
+    return Path(changes[0]), changes[1:]
 
 
 def _only_running() -> RunFolder:

@@ -6,21 +6,21 @@ import json
 import math
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import tyro
 
+from ludus.cli.action_flags import ActionFlags
 from ludus.errors import ConfigError
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from ludus.league.players import Entrant, Entrants
-    from ludus.league.tournament import MatchTable
+    from ludus.league.players import LeaguePlayer, LeaguePlayers
+    from ludus.league.tournament import MatchTable, TournamentConfig
     from ludus.runs.checkpoint import Checkpoint
-    from ludus.settings.train_config import TrainConfig
 
 __all__ = ["COMMAND", "LeagueCommand", "run"]
 
@@ -29,7 +29,7 @@ CLEAR_WIN = 0.6
 
 
 @dataclass(frozen=True)
-class LeagueCommand:
+class LeagueCommand(ActionFlags):
     """Let the agents of a run and their past selves play each other, and print who beats whom.
 
     Past selves are those of self-play; a run without it has its older checkpoints. A cell is the
@@ -41,11 +41,10 @@ class LeagueCommand:
         episodes: Games of every two players.
         max_players: Players of each policy; of more, some evenly spaced ones play.
         recorded: Play nothing, and print the ratings that training noted.
-        deterministic: Take the most probable actions, instead of drawing them as in training.
         seed: Seed of worlds and actions.
         target: Play in this target; none is the one the run was trained in.
         num_worlds: Worlds in each engine; none is as many as in training.
-        num_engines: Game processes side by side; none is as many as in training.
+        num_engines: Game processes team by team; none is as many as in training.
         json: Print one JSON object on stdout.
     """
 
@@ -53,7 +52,6 @@ class LeagueCommand:
     episodes: int = 20
     max_players: int = 8
     recorded: bool = False
-    deterministic: bool = False
     seed: int = 0
     target: str | None = None
     num_worlds: int | None = None
@@ -68,22 +66,30 @@ def run(command: LeagueCommand) -> int:
     """Play and print; return 0.
 
     Raises:
-        ConfigError: The game has no two sides, or a setting is out of range.
+        ConfigError: The game has no two teams, or a setting is out of range.
         CheckpointError: There is no such run, or it cannot be loaded.
         TargetError: The game is gone.
     """
-    from ludus.league.players import load_entrants, thin_out
+    from ludus.league.players import load_players, subsample
+    from ludus.league.tournament import TournamentConfig
 
+    settings = TournamentConfig(
+        episodes=command.episodes,
+        is_stochastic=bool(command.choose(default=True)),
+        seed=command.seed,
+    )
     if command.episodes < 1:
         raise ConfigError(f"episodes must be at least 1, not {command.episodes}")
     if command.max_players < 2:
         raise ConfigError(f"max_players must be at least 2, not {command.max_players}")
-    path, checkpoint, entrants = load_entrants(command.run)
+    path, checkpoint, league_players = load_players(command.run)
     if command.recorded:
-        _show_recorded(command, entrants)
+        _show_recorded(command, league_players)
         return 0
-    few = {name: thin_out(players, command.max_players) for name, players in entrants.items()}
-    tables = _play(command, path, checkpoint, few)
+    few = {
+        name: subsample(players, command.max_players) for name, players in league_players.items()
+    }
+    tables = _play(command, settings, path, checkpoint, few)
     if command.json:
         values = {"run": str(command.run), "tables": [table_to_plain(table) for table in tables]}
         sys.stdout.write(json.dumps(values) + "\n")
@@ -95,24 +101,33 @@ def run(command: LeagueCommand) -> int:
 
 
 def _play(
-    command: LeagueCommand, path: Path, checkpoint: Checkpoint, entrants: Entrants
+    command: LeagueCommand,
+    settings: TournamentConfig,
+    path: Path,
+    checkpoint: Checkpoint,
+    league_players: LeaguePlayers,
 ) -> list[MatchTable]:
     import torch
     from rich.console import Console
 
-    from ludus.league.tournament import TournamentConfig, play_tournament
+    from ludus.league.tournament import play_tournament
     from ludus.runs.checkpoint import check_spec
+    from ludus.runs.saved import trained_config
     from ludus.training.source import open_source
 
-    config = _config(command)
+    config = trained_config(
+        command.run,
+        target=command.target,
+        num_worlds=command.num_worlds,
+        num_engines=command.num_engines,
+    )
     torch.set_num_threads(config.torch_threads)
-    settings = TournamentConfig(command.episodes, command.deterministic, command.seed)
     with Console(stderr=True).status("opening the game") as status:
         pool = open_source(config)
         try:
             check_spec(checkpoint.fingerprints, pool.policies, path)
             return play_tournament(
-                entrants,
+                league_players,
                 pool,
                 settings,
                 lambda played, games: status.update(f"{played} of {games} games"),
@@ -121,29 +136,17 @@ def _play(
             pool.close()
 
 
-def _config(command: LeagueCommand) -> TrainConfig:
-    from ludus.runs.run_folder import RunFolder
-
-    config = RunFolder.find(command.run).read_config()
-    return replace(
-        config,
-        target=command.target or config.target,
-        num_worlds=command.num_worlds or config.num_worlds,
-        num_engines=command.num_engines or config.num_engines,
-    )
-
-
-def _show_recorded(command: LeagueCommand, entrants: Entrants) -> None:
-    if all(player.rating is None for players in entrants.values() for player in players):
+def _show_recorded(command: LeagueCommand, league_players: LeaguePlayers) -> None:
+    if all(player.rating is None for players in league_players.values() for player in players):
         raise ConfigError(
             f"{command.run} was trained without self-play and has no ratings",
             "leave out --recorded to play now, or train with --league.share 0.5",
         )
     if command.json:
-        policies = {name: [_to_plain(one) for one in of] for name, of in entrants.items()}
+        policies = {name: [_to_plain(one) for one in of] for name, of in league_players.items()}
         sys.stdout.write(json.dumps({"run": str(command.run), "policies": policies}) + "\n")
     else:
-        _print({"ratings from training": rating_table(entrants)})
+        _print({"ratings from training": rating_table(league_players)})
 
 
 def _print(tables: Mapping[str, Table]) -> None:
@@ -186,7 +189,7 @@ def match_table(table: MatchTable) -> Table:
     return shown
 
 
-def rating_table(entrants: Entrants) -> Table:
+def rating_table(league_players: LeaguePlayers) -> Table:
     """Return the ratings that training noted, one row for each player."""
     from rich import box
     from rich.table import Table
@@ -194,7 +197,7 @@ def rating_table(entrants: Entrants) -> Table:
     shown = Table(box=box.SIMPLE_HEAD)
     for heading in ("policy", "updates", "elo"):
         shown.add_column(heading, justify="left" if heading == "policy" else "right")
-    for name, players in entrants.items():
+    for name, players in league_players.items():
         for player in players:
             shown.add_row(name, label(player), _rating(player), style=_style(player))
         shown.add_section()
@@ -212,7 +215,7 @@ def table_to_plain(table: MatchTable) -> dict[str, Any]:
     }
 
 
-def label(player: Entrant) -> str:
+def label(player: LeaguePlayer) -> str:
     """Return the name of a player: the updates it had seen, or that it is the newest."""
     return "now" if player.is_newest else str(player.updates)
 
@@ -231,15 +234,15 @@ def mean(shares: Sequence[float]) -> float:
     return sum(known) / len(known) if known else math.nan
 
 
-def _rating(player: Entrant) -> str:
+def _rating(player: LeaguePlayer) -> str:
     return "" if player.rating is None else f"{player.rating:.0f}"
 
 
-def _style(player: Entrant) -> str:
+def _style(player: LeaguePlayer) -> str:
     return "bold" if player.is_newest else ""
 
 
-def _to_plain(player: Entrant) -> Mapping[str, Any]:
+def _to_plain(player: LeaguePlayer) -> Mapping[str, Any]:
     return {
         "policy": player.policy,
         "updates": player.updates,

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 import time
 from collections import deque
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
@@ -16,16 +15,15 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from ludus.cli.figures import CURVE_WIDTH, clock, sparkline
 from ludus.play.evaluation import Evaluation
 from ludus.runs.run_list import StopReason
 from ludus.settings.policy_config import Mode
 from ludus.settings.train_config import TrainConfig
 from ludus.training.progress import Progress, RunResult
 
-__all__ = ["TerminalReporter", "evaluation_table", "reporter_for", "sparkline"]
+__all__ = ["TerminalReporter", "evaluation_table", "reporter_for"]
 
-BARS = "▁▂▃▄▅▆▇█"
-CURVE_WIDTH = 24
 REFRESH_S, LINE_EVERY_S = 0.25, 2.0
 ENDINGS: dict[StopReason, str] = {
     "total_steps": "ended at total_steps",
@@ -125,19 +123,6 @@ class Curve:
             self._stride *= 2
 
 
-def sparkline(values: Sequence[float], width: int = CURVE_WIDTH) -> str:
-    """Return ``values`` as a line of at most ``width`` small bars."""
-    if not values:
-        return ""
-    if len(values) > width:
-        bounds = [len(values) * index // width for index in range(width + 1)]
-        parts = [values[start:stop] for start, stop in itertools.pairwise(bounds)]
-        values = [sum(part) / len(part) for part in parts]
-    low, high = min(values), max(values)
-    scale = (len(BARS) - 1) / (high - low) if high > low else 0.0
-    return "".join(BARS[round((value - low) * scale)] for value in values)
-
-
 def progress_head(progress: Progress, share: float) -> str:
     """Return share done, steps, speed and time of the whole run."""
     text = (
@@ -194,15 +179,6 @@ def evaluation_table(
             cells.append(f"{of.share_reaching(goal_return):.1%}")
         table.add_row(*cells)
     return table
-
-
-def clock(seconds: float) -> str:
-    """Return a duration in the largest fitting units: ``4.2 s``, ``3:07 min``, ``1:02:03 h``."""
-    if seconds < 60:
-        return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02}:{rest:02} h" if hours else f"{minutes}:{rest:02} min"
 
 
 @contextmanager

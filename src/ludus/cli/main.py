@@ -69,8 +69,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         format="%(levelname)s %(name)s: %(message)s",
         stream=sys.stderr,
     )
-    # Games with an id are in modules in the current folder, where `python -m` looks, too.
-    sys.path.append("")
     try:
         with _clean_exit_on_sigterm():
             return _dispatch(arguments)

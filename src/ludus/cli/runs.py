@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import tyro
 
+from ludus.cli.figures import CURVE_WIDTH, clock, sparkline
+
 if TYPE_CHECKING:
     from rich.text import Text
 
@@ -94,16 +96,12 @@ def listing(runs: Sequence[RunSummary]) -> list[Text]:
 
 
 def _amount(run: RunSummary) -> str:
-    from ludus.cli.live import clock
-
     started = time.strftime("%Y-%m-%d %H:%M", time.localtime(run.started_at))
     return f"{started}  {run.agent_steps:,} steps in {clock(run.wall_s)}"
 
 
 def _figures(policy: PolicySummary) -> Text:
     from rich.text import Text
-
-    from ludus.cli.live import CURVE_WIDTH, sparkline
 
     if policy.mean_return is None:
         return Text("no episode has ended yet", style="dim")

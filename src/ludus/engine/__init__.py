@@ -5,10 +5,11 @@ This layer knows processes and projects on disk; it knows nothing of observation
 
 from ludus.engine.affinity import (
     CorePlan,
+    ReservedCores,
     allowed_cores,
-    pin_current_process,
     pinned_to,
     plan_cores,
+    reserve_cores,
 )
 from ludus.engine.doctor import Finding, FindingStatus, doctor
 from ludus.engine.export_game import export_game
@@ -21,6 +22,7 @@ from ludus.engine.find import (
 )
 from ludus.engine.importing import ensure_imported, needs_import
 from ludus.engine.install import install_engine
+from ludus.engine.install_screen import install_screen
 from ludus.engine.install_template import install_template
 from ludus.engine.kinds import EngineKind
 from ludus.engine.launch import (
@@ -28,10 +30,10 @@ from ludus.engine.launch import (
     LaunchConfig,
     executable_command,
     godot_command,
-    with_display,
 )
-from ludus.engine.process import EngineProcess, terminate_all
+from ludus.engine.process import EngineProcess
 from ludus.engine.project import Project, find_project, read_project, scene_path
+from ludus.engine.screen import find_xvfb, has_screen, with_display
 from ludus.engine.target import Target, TargetKind, resolve_target
 from ludus.engine.template import ExportTemplate, find_template, matching_template
 
@@ -47,6 +49,7 @@ __all__ = [
     "InstalledEngine",
     "LaunchConfig",
     "Project",
+    "ReservedCores",
     "Target",
     "TargetKind",
     "allowed_cores",
@@ -57,19 +60,21 @@ __all__ = [
     "find_engine",
     "find_project",
     "find_template",
+    "find_xvfb",
     "godot_command",
+    "has_screen",
     "install_engine",
+    "install_screen",
     "install_template",
     "list_engines",
     "matching_template",
     "needs_import",
-    "pin_current_process",
     "pinned_to",
     "plan_cores",
     "read_project",
+    "reserve_cores",
     "resolve_target",
     "scene_path",
     "search_engines",
-    "terminate_all",
     "with_display",
 ]

@@ -16,8 +16,8 @@ from typing import Any
 
 from ludus.engine.bundled import bevy_workspace, package_version
 from ludus.engine.cache import require_cache_root
-from ludus.engine.locks import file_lock
 from ludus.errors import SetupError, TargetError
+from ludus.locks import file_lock
 
 __all__ = [
     "PREFIX",

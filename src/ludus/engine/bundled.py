@@ -9,8 +9,8 @@ from pathlib import Path
 
 from ludus.engine.cache import require_cache_root
 from ludus.engine.kinds import EngineKind
-from ludus.engine.locks import file_lock
 from ludus.errors import SetupError
+from ludus.locks import file_lock
 
 __all__ = [
     "bevy_workspace",

@@ -6,7 +6,9 @@ Layout of the user cache::
     engines/<kind>/.incoming-*            an installation under way or broken off
     engines/<kind>/.install.lock
     templates/<kind>/<name>/              an export template; see `template`
+    screens/<name>/Xvfb                   for virtual screens; see `install_screen`
     bundled/<kind>/<version>/             a writable copy of the bundled project
+    cores/<host>/core-<number>.lock       held while a pool has pinned an engine to that core
 """
 
 from __future__ import annotations

@@ -15,9 +15,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol, TypeVar
 
-from ludus.engine.locks import file_lock
 from ludus.engine.routes import RouteUnavailable
 from ludus.errors import SetupError
+from ludus.locks import file_lock
 
 __all__ = ["installing_into", "move_in", "unpack_by_first_route"]
 

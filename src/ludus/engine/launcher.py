@@ -18,7 +18,7 @@ _SCRIPT = """\
 # Written by Ludus. Starts an engine with the libraries that lie beside it; can be moved
 # together with them.
 prefix=$(dirname -- "$(readlink -f -- "$0")")/{prefix}
-{environment}exec "$prefix/{loader}" --library-path "{library_path}" \\
+{environment}{setup}exec "$prefix/{loader}" --library-path "{library_path}" \\
   --argv0 {name} "$prefix/{program}" "$@"
 """
 
@@ -55,8 +55,14 @@ def library_folders(prefix: Path) -> tuple[str, ...]:
     return libraries, f"{libraries}/pulseaudio"
 
 
-def write_launcher(launcher: Path, prefix: Path, program: Path) -> None:
+def write_launcher(launcher: Path, prefix: Path, program: Path, setup: str = "") -> None:
     """Write an executable script that starts ``program``; all three keep their places.
+
+    Args:
+        launcher: The script.
+        prefix: Folder of the unpacked packages, beside or below the script.
+        program: One of the prefix.
+        setup: Lines of shell that run before the program; ``$prefix`` is the prefix.
 
     Raises:
         SetupError: The prefix has no loader.
@@ -65,6 +71,7 @@ def write_launcher(launcher: Path, prefix: Path, program: Path) -> None:
     script = _SCRIPT.format(
         prefix=shlex.quote(prefix.relative_to(launcher.parent).as_posix()),
         environment=_environment(prefix, folders[0]),
+        setup=setup,
         loader=find_loader(prefix),
         library_path=":".join(f"$prefix/{folder}" for folder in folders),
         name=shlex.quote(program.name),
@@ -82,7 +89,7 @@ def _first(prefix: Path, patterns: Sequence[str]) -> str | None:
 
 
 def _environment(prefix: Path, libraries: str) -> str:
-    """Point OpenGL and Vulkan at the drivers of the prefix, where it has any."""
+    """Point programs at the drivers and locales of the prefix, where it has any."""
     values: list[str] = []
     if (prefix / "usr/share/glvnd/egl_vendor.d/50_mesa.json").is_file():
         values += [
@@ -91,4 +98,6 @@ def _environment(prefix: Path, libraries: str) -> str:
             f'GBM_BACKENDS_PATH="$prefix/{libraries}/gbm"',
             'LIBGL_ALWAYS_SOFTWARE="${LIBGL_ALWAYS_SOFTWARE:-1}"',
         ]
+    if (prefix / "usr/share/X11/locale").is_dir():
+        values.append('XLOCALEDIR="$prefix/usr/share/X11/locale"')
     return "".join(f"export {value}\n" for value in values)

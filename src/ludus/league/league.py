@@ -12,7 +12,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ludus.league.matches import MatchTracker, Sides, expected_score, score
+from ludus.league.matches import MatchTracker, Teams, expected_score, score
 from ludus.networks.policy import Player, Policy
 from ludus.settings.train_config import LeagueConfig
 from ludus.spec import PolicySpec
@@ -64,14 +64,14 @@ class League:
         self.pools: dict[str, list[PastSelf]] = {name: [] for name in policies}
         self._config = config
         self._policies = policies
-        self._sides = Sides.of(specs)
+        self._teams = Teams.of(specs)
         self._random = np.random.default_rng(seed)
         self._generators = {
             name: torch.Generator(policy.device).manual_seed(seed + index)
             for index, (name, policy) in enumerate(policies.items())
         }
-        self._trackers = [MatchTracker(self._sides) for _ in range(num_engines)]
-        shape = (self._sides.num_worlds, len(self._sides.policies))
+        self._trackers = [MatchTracker(self._teams) for _ in range(num_engines)]
+        shape = (self._teams.num_worlds, len(self._teams.policies))
         self._lineups = [np.full(shape, LIVE) for _ in range(num_engines)]
         self._slots: list[dict[str, NDArray[np.int64]]] = [{} for _ in range(num_engines)]
         self._opponents: dict[str, list[int]] = {name: [] for name in policies}
@@ -84,7 +84,7 @@ class League:
         """Take the first batches of an engine that was reset, and draw who plays."""
         self._trackers[engine].begin(batches)
         self._players[engine].clear()
-        self._draw(engine, np.arange(self._sides.num_worlds))
+        self._draw(engine, np.arange(self._teams.num_worlds))
 
     def is_live(self, engine: int, policy: str) -> NDArray[np.bool_]:
         """Return ``bool[slots]``, where the policy plays as it is now."""
@@ -101,15 +101,15 @@ class League:
 
     def record(self, engine: int, batches: Batches) -> None:
         """Take the outcome of a step: rate what ended, and draw anew there."""
-        ended = self._trackers[engine].record(batches)
-        if not len(ended.worlds):
+        finished = self._trackers[engine].record(batches)
+        if not len(finished.worlds):
             return
-        for world, returns in zip(ended.worlds, ended.returns, strict=True):
+        for world, returns in zip(finished.worlds, finished.returns, strict=True):
             self._rate(self._lineups[engine][world], returns)
         # A player that paused may remember another game, if its agent died before the world ended.
         for (name, _), player in self._players[engine].items():
-            player.forget(np.isin(self._sides.worlds[name], ended.worlds).nonzero()[0])
-        self._draw(engine, ended.worlds)
+            player.forget(np.isin(self._teams.worlds[name], finished.worlds).nonzero()[0])
+        self._draw(engine, finished.worlds)
 
     def advance(self, updates: int) -> None:
         """Keep past selves and choose opponents, where it is time to after ``updates``."""
@@ -139,7 +139,7 @@ class League:
         if key not in self._players[engine]:
             past = copy.deepcopy(self._policies[policy])
             past.load_state_dict(self._past_self(policy, number).tensors)
-            num_slots = len(self._sides.worlds[policy])
+            num_slots = len(self._teams.worlds[policy])
             self._players[engine][key] = Player(past, num_slots, self._generators[policy])
         return self._players[engine][key]
 
@@ -150,16 +150,16 @@ class League:
 
     def _draw(self, engine: int, worlds: NDArray[np.int64]) -> None:
         """Draw who plays in some worlds."""
-        lineup, sides = self._lineups[engine], self._sides.policies
-        learning = [side for side, name in enumerate(sides) if name in self.learning]
+        lineup, teams = self._lineups[engine], self._teams.policies
+        learning = [team for team, name in enumerate(teams) if name in self.learning]
         lineup[worlds] = LIVE
         is_drawn = self._random.random(len(worlds)) < self._config.share
         for world in worlds[is_drawn] if learning else ():
             learner = learning[self._random.integers(len(learning))]
-            for side, name in enumerate(sides):
-                if side != learner and self._opponents[name]:
-                    lineup[world, side] = self._random.choice(self._opponents[name])
-        self._slots[engine] = {name: self._sides.slots(name, lineup) for name in self.ratings}
+            for team, name in enumerate(teams):
+                if team != learner and self._opponents[name]:
+                    lineup[world, team] = self._random.choice(self._opponents[name])
+        self._slots[engine] = {name: self._teams.slots(name, lineup) for name in self.ratings}
 
     def _choose(self, name: str) -> list[int]:
         """Choose opponents from a pool, by the weights that the settings ask for."""
@@ -183,11 +183,11 @@ class League:
     # --- rating ---------------------------------------------------------------------------------
 
     def _rate(self, lineup: NDArray[np.int64], returns: NDArray[np.float64]) -> None:
-        """Move the ratings of every two sides of a game (Elo 1978)."""
-        sides = self._sides.policies
-        for first in range(len(sides)):
-            for second in range(first + 1, len(sides)):
-                one, two = (sides[first], int(lineup[first])), (sides[second], int(lineup[second]))
+        """Move the ratings of every two teams of a game (Elo 1978)."""
+        teams = self._teams.policies
+        for first in range(len(teams)):
+            for second in range(first + 1, len(teams)):
+                one, two = (teams[first], int(lineup[first])), (teams[second], int(lineup[second]))
                 if one == two:
                     continue  # against itself
                 expected = expected_score(self._rating(*one), self._rating(*two))

@@ -1,4 +1,4 @@
-"""Games between sides: who plays against whom in a world, and how it ended."""
+"""Matches between teams: which team each slot belongs to, and which matches have ended."""
 
 from __future__ import annotations
 
@@ -12,39 +12,39 @@ from ludus.errors import ConfigError
 from ludus.spec import PolicySpec
 from ludus.spec.batch import Batches
 
-__all__ = ["Ended", "MatchTracker", "Sides", "expected_score", "score"]
+__all__ = ["FinishedMatches", "MatchTracker", "Teams", "expected_score", "score"]
 
 ELO_SCALE = 400.0
-"""Difference of ratings at which the better side is expected to score ten times as much."""
+"""Difference of ratings at which the better team is expected to score ten times as much."""
 
 
 @dataclass(frozen=True)
-class Sides:
-    """The sides of every world: its policies, or the agents of its only policy.
+class Teams:
+    """The teams of every world: its policies, or the agents of its only policy.
 
     Attributes:
-        policies: Policy of each side.
+        policies: Policy of each team.
         worlds: Per policy ``int64[slots]``, world of each slot of one engine.
-        side: Per policy ``int64[slots]``, side of each slot.
+        team: Per policy ``int64[slots]``, team of each slot.
         num_worlds: Worlds of one engine.
     """
 
     policies: tuple[str, ...]
     worlds: Mapping[str, NDArray[np.int64]]
-    side: Mapping[str, NDArray[np.int64]]
+    team: Mapping[str, NDArray[np.int64]]
     num_worlds: int
 
     @classmethod
-    def of(cls, policies: Mapping[str, PolicySpec]) -> Sides:
-        """Return the sides of a game.
+    def of(cls, policies: Mapping[str, PolicySpec]) -> Teams:
+        """Return the teams of a game.
 
         Raises:
-            ConfigError: There is only one side, or agents of a world end their episodes each by
+            ConfigError: There is only one team, or agents of a world end their episodes each by
                 itself.
         """
         if len(policies) == 1 and max(of.agents_per_world for of in policies.values()) < 2:
             raise ConfigError(
-                f"self-play needs two sides, and {next(iter(policies))} is the only agent of a "
+                f"self-play needs two teams, and {next(iter(policies))} is the only agent of a "
                 "world",
                 "add a second agent or a second policy; without one, train with league.share 0",
             )
@@ -60,24 +60,24 @@ class Sides:
         }
         num_worlds = max(int(of.max()) for of in worlds.values()) + 1
         if len(policies) > 1:
-            side = {name: np.full(len(worlds[name]), i) for i, name in enumerate(policies)}
-            return cls(tuple(policies), worlds, side, num_worlds)
+            team = {name: np.full(len(worlds[name]), i) for i, name in enumerate(policies)}
+            return cls(tuple(policies), worlds, team, num_worlds)
         ((name, spec),) = policies.items()
         agents = np.arange(spec.num_agents) % spec.agents_per_world
         return cls((name,) * spec.agents_per_world, worlds, {name: agents}, num_worlds)
 
-    def slots(self, policy: str, world_sides: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return what ``[worlds, sides]`` says of each slot of ``policy``."""
-        return world_sides[self.worlds[policy], self.side[policy]]
+    def slots(self, policy: str, world_teams: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return what ``[worlds, teams]`` says of each slot of ``policy``."""
+        return world_teams[self.worlds[policy], self.team[policy]]
 
 
 @dataclass(frozen=True)
-class Ended:
+class FinishedMatches:
     """Games that ended in one step.
 
     Attributes:
         worlds: ``int64[m]``.
-        returns: ``float64[m, sides]``, sums of the rewards of each side's agents.
+        returns: ``float64[m, teams]``, sums of the rewards of each team's agents.
     """
 
     worlds: NDArray[np.int64]
@@ -87,15 +87,15 @@ class Ended:
 class MatchTracker:
     """Follows the games in the worlds of one engine."""
 
-    def __init__(self, sides: Sides) -> None:
-        self._sides = sides
-        self._shape = (sides.num_worlds, len(sides.policies))
+    def __init__(self, teams: Teams) -> None:
+        self._teams = teams
+        self._shape = (teams.num_worlds, len(teams.policies))
         self._returns = np.zeros(self._shape)
         self._index = {
-            name: worlds * len(sides.policies) + sides.side[name]
-            for name, worlds in sides.worlds.items()
+            name: worlds * len(teams.policies) + teams.team[name]
+            for name, worlds in teams.worlds.items()
         }
-        self._was_active = {name: np.zeros(len(of), np.bool_) for name, of in sides.worlds.items()}
+        self._was_active = {name: np.zeros(len(of), np.bool_) for name, of in teams.worlds.items()}
 
     def begin(self, batches: Batches) -> None:
         """Take the first batches after a reset."""
@@ -103,7 +103,7 @@ class MatchTracker:
         for name, was_active in self._was_active.items():
             was_active[...] = batches[name].active
 
-    def record(self, batches: Batches) -> Ended:
+    def record(self, batches: Batches) -> FinishedMatches:
         """Take the outcome of a step; return the games it ended."""
         has_ended = np.zeros(self._shape[0], np.bool_)
         for name, was_active in self._was_active.items():
@@ -113,18 +113,18 @@ class MatchTracker:
             )
             self._returns += counted.reshape(self._shape)
             is_over = (batch.terminated | batch.truncated) & was_active
-            has_ended[self._sides.worlds[name][is_over]] = True
+            has_ended[self._teams.worlds[name][is_over]] = True
             was_active[...] = batch.active
         worlds = has_ended.nonzero()[0]
-        ended = Ended(worlds, self._returns[worlds])
+        finished = FinishedMatches(worlds, self._returns[worlds])
         self._returns[worlds] = 0.0
-        return ended
+        return finished
 
 
 def score(returns: Sequence[float], first: int, second: int) -> float:
-    """Return 1 if the first of two sides won, 0 if the second did, 0.5 for a draw.
+    """Return 1 if the first of two teams won, 0 if the second did, 0.5 for a draw.
 
-    The side with the higher return wins.
+    The team with the higher return wins.
     """
     difference = returns[first] - returns[second]
     if abs(difference) < 1e-6:
@@ -133,5 +133,5 @@ def score(returns: Sequence[float], first: int, second: int) -> float:
 
 
 def expected_score(rating: float, other: float) -> float:
-    """Return what a side is expected to score (Elo 1978): ``1 / (1 + 10^((b - a) / 400))``."""
+    """Return what a team is expected to score (Elo 1978): ``1 / (1 + 10^((b - a) / 400))``."""
     return 1.0 / (1.0 + 10.0 ** ((other - rating) / ELO_SCALE))

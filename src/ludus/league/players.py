@@ -1,4 +1,4 @@
-"""Who can play in the tournament of a run: its policies as they are, and as they once were."""
+"""The players of a run's tournament: its policies as they are now, and their past selves."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from ludus.errors import CheckpointError, ConfigError
 from ludus.league.league import past_selves
 from ludus.runs.checkpoint import Checkpoint, CheckpointStore, read_checkpoint
 from ludus.runs.run_folder import RunFolder
+from ludus.runs.saved import find_checkpoint
 from ludus.settings.merging import saved_policy
 from ludus.settings.policy_config import PolicyConfig
 
-__all__ = ["Entrant", "Entrants", "load_entrants", "thin_out"]
+__all__ = ["LeaguePlayer", "LeaguePlayers", "load_players", "subsample"]
 
 POLICY_PREFIX = "policy."
 
@@ -25,7 +26,7 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Entrant:
+class LeaguePlayer:
     """A policy at one moment of its training.
 
     Attributes:
@@ -45,11 +46,11 @@ class Entrant:
     tensors: Mapping[str, Tensor]
 
 
-Entrants = Mapping[str, tuple[Entrant, ...]]
+LeaguePlayers = Mapping[str, tuple[LeaguePlayer, ...]]
 """By policy, oldest first; the last one is the newest."""
 
 
-def load_entrants(run: Path) -> tuple[Path, Checkpoint, Entrants]:
+def load_players(run: Path) -> tuple[Path, Checkpoint, LeaguePlayers]:
     """Return the newest policies of a run and their past selves.
 
     Those are the past selves of its league, or, without self-play, its older checkpoints.
@@ -58,15 +59,13 @@ def load_entrants(run: Path) -> tuple[Path, Checkpoint, Entrants]:
         run: A run folder, or one of its checkpoints.
 
     Returns:
-        The newest checkpoint's folder, the checkpoint, and who can play.
+        The newest checkpoint's folder, the checkpoint, and the players.
 
     Raises:
         CheckpointError: There is no such run, or no checkpoint of it can be loaded.
     """
-    folder = RunFolder.find(run)
-    store = folder.checkpoints()
-    is_folder = run.resolve() == folder.path.resolve()
-    path, newest = store.newest() if is_folder else (run, read_checkpoint(run))
+    store = RunFolder.find(run).checkpoints()
+    path, newest = find_checkpoint(run)
     try:
         past = _of_league(newest) if "league" in newest.run else _of_store(store, newest)
         now = _of_checkpoint(newest, is_newest=True)
@@ -78,20 +77,20 @@ def load_entrants(run: Path) -> tuple[Path, Checkpoint, Entrants]:
     return path, newest, {name: (*past[name], now[name]) for name in now}
 
 
-def thin_out(entrants: Sequence[Entrant], count: int) -> tuple[Entrant, ...]:
+def subsample(league_players: Sequence[LeaguePlayer], count: int) -> tuple[LeaguePlayer, ...]:
     """Return at most ``count`` of them, evenly spaced, the oldest and the newest included."""
-    if count >= len(entrants):
-        return tuple(entrants)
-    chosen: list[float] = np.linspace(len(entrants) - 1, 0, count).tolist()
-    return tuple(entrants[round(index)] for index in reversed(chosen))
+    if count >= len(league_players):
+        return tuple(league_players)
+    chosen: list[float] = np.linspace(len(league_players) - 1, 0, count).tolist()
+    return tuple(league_players[round(index)] for index in reversed(chosen))
 
 
-def _of_league(checkpoint: Checkpoint) -> dict[str, list[Entrant]]:
+def _of_league(checkpoint: Checkpoint) -> dict[str, list[LeaguePlayer]]:
     pools = past_selves(checkpoint.league, checkpoint.run["league"])
     settings = _settings(checkpoint)
     return {
         name: [
-            Entrant(name, past.number, False, past.rating, settings[name], past.tensors)
+            LeaguePlayer(name, past.number, False, past.rating, settings[name], past.tensors)
             for past in pools[name]
             if past.number < checkpoint.run["updates"]  # otherwise the newest one
         ]
@@ -99,9 +98,9 @@ def _of_league(checkpoint: Checkpoint) -> dict[str, list[Entrant]]:
     }
 
 
-def _of_store(store: CheckpointStore, newest: Checkpoint) -> dict[str, list[Entrant]]:
+def _of_store(store: CheckpointStore, newest: Checkpoint) -> dict[str, list[LeaguePlayer]]:
     """Return the policies of the checkpoints before ``newest``."""
-    found: dict[str, list[Entrant]] = {name: [] for name in newest.learners}
+    found: dict[str, list[LeaguePlayer]] = {name: [] for name in newest.learners}
     for path in store.paths():
         try:
             checkpoint = read_checkpoint(path)
@@ -110,16 +109,16 @@ def _of_store(store: CheckpointStore, newest: Checkpoint) -> dict[str, list[Entr
             continue
         is_before = checkpoint.agent_steps < newest.agent_steps
         if is_before and checkpoint.fingerprints == newest.fingerprints:
-            for name, entrant in _of_checkpoint(checkpoint, is_newest=False).items():
-                found[name].append(entrant)
+            for name, league_player in _of_checkpoint(checkpoint, is_newest=False).items():
+                found[name].append(league_player)
     return found
 
 
-def _of_checkpoint(checkpoint: Checkpoint, *, is_newest: bool) -> dict[str, Entrant]:
+def _of_checkpoint(checkpoint: Checkpoint, *, is_newest: bool) -> dict[str, LeaguePlayer]:
     settings = _settings(checkpoint)
     ratings = checkpoint.run.get("league", {}).get("ratings", {})
     return {
-        name: Entrant(
+        name: LeaguePlayer(
             policy=name,
             updates=int(checkpoint.run["updates"]),
             is_newest=is_newest,

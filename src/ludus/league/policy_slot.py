@@ -1,4 +1,4 @@
-"""The place of one policy in a run: who acts in its slots, and whether anybody learns from it."""
+"""What acts in the slots of one policy of a run, and whether its learner learns from that."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from ludus.networks.tensors import to_numbers
 from ludus.settings.policy_config import Mode
 from ludus.spec.batch import ActionBatch, Batch
 
-__all__ = ["Seat"]
+__all__ = ["PolicySlot"]
 
 
-class Seat:
+class PolicySlot:
     """One policy of a run, between the collector and its learner.
 
     In mode ``train`` the learner acts and records; in the others the policy acts as it is, and
@@ -110,10 +110,10 @@ class Seat:
             self.learner.record(engine, own)
         return own
 
-    def learn_meanwhile(self) -> None:
+    def learn_while_stepping(self) -> None:
         """Learn a little while engines simulate."""
         if self._mode == "train":
-            self.learner.learn_meanwhile()
+            self.learner.learn_while_stepping()
 
     def state(self) -> dict[str, Any]:
         """Return mode and random stream as JSON values."""

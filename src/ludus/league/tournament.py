@@ -1,6 +1,6 @@
-"""A tournament: every player of one side against every player of another, and who won.
+"""A tournament: every player of one team against every player of another, and who won.
 
-A side is a policy; where there is only one policy, each agent of a world is a side. All worlds of
+A team is a policy; where there is only one policy, each agent of a world is a team. All worlds of
 all engines play at once, and each begins the next game of the programme when its last one ends. The
 programme is fixed beforehand, so that short games do not count more often than long ones.
 """
@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from ludus.algorithms.learners import policy_seed
 from ludus.errors import RunError
 from ludus.league.league import act_for
-from ludus.league.matches import MatchTracker, Sides, score
-from ludus.league.players import Entrant, Entrants
+from ludus.league.matches import MatchTracker, Teams, score
+from ludus.league.players import LeaguePlayer, LeaguePlayers
 from ludus.networks.load_tensors import load_tensors
 from ludus.networks.policy import Player, Policy
 from ludus.pool.interface import Pool
@@ -41,12 +41,12 @@ class TournamentConfig:
 
     Attributes:
         episodes: Games of every two players.
-        is_deterministic: Take the most probable actions; otherwise draw them, as in training.
+        is_stochastic: Draw actions, as in training; otherwise take the most probable ones.
         seed: Of worlds and actions.
     """
 
     episodes: int = 20
-    is_deterministic: bool = False
+    is_stochastic: bool = True
     seed: int = 0
 
 
@@ -56,14 +56,14 @@ class MatchTable:
 
     Attributes:
         rows: Players, oldest first.
-        columns: The same for the other side.
+        columns: The same for the other team.
         wins: ``int64[rows, columns]``, games that the row's player won; of the higher return.
         draws: The same for games that nobody won.
         losses: The same for games that the column's player won.
     """
 
-    rows: tuple[Entrant, ...]
-    columns: tuple[Entrant, ...]
+    rows: tuple[LeaguePlayer, ...]
+    columns: tuple[LeaguePlayer, ...]
     wins: NDArray[np.int64]
     draws: NDArray[np.int64]
     losses: NDArray[np.int64]
@@ -78,7 +78,7 @@ class MatchTable:
 
 @dataclass(frozen=True)
 class _Game:
-    """One game: player of each side by index, and which two sides it decides between."""
+    """One game: player of each team by index, and which two teams it decides between."""
 
     lineup: tuple[int, ...]
     first: int
@@ -86,57 +86,57 @@ class _Game:
 
 
 def play_tournament(
-    entrants: Entrants,
+    league_players: LeaguePlayers,
     pool: Pool,
     config: TournamentConfig = TournamentConfig(),
     on_games: OnGames | None = None,
 ) -> list[MatchTable]:
-    """Let every two players of different sides play; one table for every two policies.
+    """Let every two players of different teams play; one table for every two policies.
 
-    Where a game has more than two sides, the others are played by their newest policy.
+    Where a game has more than two teams, the others are played by their newest policy.
 
     Args:
-        entrants: Players of each policy of the pool.
+        league_players: Players of each policy of the pool.
         pool: Reset before; in the middle of episodes afterwards.
         config: How many games, and how they are played.
         on_games: Is told after each step in which games ended.
 
     Raises:
-        ConfigError: The game has only one side, or no episodes of whole worlds.
+        ConfigError: The game has only one team, or no episodes of whole worlds.
         CheckpointError: A network does not fit its settings.
         RunError: Games do not end.
     """
-    sides = sides_of(pool)
-    games = list(_programme(sides, entrants, config.episodes))
-    hall = _Hall(sides, entrants, pool, config)
-    results = hall.play(games, on_games or (lambda _, __: None))
-    return _tables(sides, entrants, results)
+    teams = teams_of(pool)
+    games = list(_schedule(teams, league_players, config.episodes))
+    tournament = _Tournament(teams, league_players, pool, config)
+    results = tournament.play(games, on_games or (lambda _, __: None))
+    return _tables(teams, league_players, results)
 
 
-def sides_of(pool: Pool) -> Sides:
-    """Return the sides of all worlds of all engines."""
-    one = Sides.of(pool.policies)
+def teams_of(pool: Pool) -> Teams:
+    """Return the teams of all worlds of all engines."""
+    one = Teams.of(pool.policies)
     worlds: dict[str, NDArray[np.int64]] = {}
-    side: dict[str, NDArray[np.int64]] = {}
+    team: dict[str, NDArray[np.int64]] = {}
     for name in pool.policies:
         worlds[name] = np.zeros(pool.num_agents(name), np.int64)
-        side[name] = np.zeros(pool.num_agents(name), np.int64)
+        team[name] = np.zeros(pool.num_agents(name), np.int64)
         for engine in range(pool.num_engines):
             rows = pool.rows(name, engine)
             worlds[name][rows] = one.worlds[name] + engine * one.num_worlds
-            side[name][rows] = one.side[name]
-    return Sides(one.policies, worlds, side, one.num_worlds * pool.num_engines)
+            team[name][rows] = one.team[name]
+    return Teams(one.policies, worlds, team, one.num_worlds * pool.num_engines)
 
 
 # --- who plays whom -----------------------------------------------------------------------------
 
 
-def _programme(sides: Sides, entrants: Entrants, episodes: int) -> Iterable[_Game]:
+def _schedule(teams: Teams, league_players: LeaguePlayers, episodes: int) -> Iterable[_Game]:
     """Return all games; those of one player stand together, so that few networks run at once."""
-    names = sides.policies
-    newest = [len(entrants[name]) - 1 for name in names]
+    names = teams.policies
+    newest = [len(league_players[name]) - 1 for name in names]
     if len(set(names)) == 1:
-        yield from _mirror_programme(newest, episodes)
+        yield from _mirror_schedule(newest, episodes)
         return
     for first, second in itertools.combinations(range(len(names)), 2):
         for row in range(newest[first] + 1):
@@ -145,8 +145,8 @@ def _programme(sides: Sides, entrants: Entrants, episodes: int) -> Iterable[_Gam
                 yield from itertools.repeat(_Game(lineup, first, second), episodes)
 
 
-def _mirror_programme(newest: Sequence[int], episodes: int) -> Iterable[_Game]:
-    """Return the games of one policy against itself, where players change sides."""
+def _mirror_schedule(newest: Sequence[int], episodes: int) -> Iterable[_Game]:
+    """Return the games of one policy against itself, where players change teams."""
     places = list(itertools.permutations(range(len(newest)), 2))
     for row, column in itertools.combinations(range(newest[0] + 1), 2):
         for first, second in itertools.islice(itertools.cycle(places), episodes):
@@ -155,51 +155,53 @@ def _mirror_programme(newest: Sequence[int], episodes: int) -> Iterable[_Game]:
 
 def _lineup(newest: Sequence[int], *changed: tuple[int, int]) -> tuple[int, ...]:
     lineup = list(newest)
-    for side, player in changed:
-        lineup[side] = player
+    for team, player in changed:
+        lineup[team] = player
     return tuple(lineup)
 
 
 # --- playing ------------------------------------------------------------------------------------
 
 
-class _Hall:
+class _Tournament:
     """The worlds of a pool, each with a game of its own."""
 
     def __init__(
-        self, sides: Sides, entrants: Entrants, pool: Pool, config: TournamentConfig
+        self, teams: Teams, league_players: LeaguePlayers, pool: Pool, config: TournamentConfig
     ) -> None:
-        self._sides = sides
+        self._teams = teams
         self._pool = pool
         self._seed = config.seed
-        self._tracker = MatchTracker(sides)
+        self._tracker = MatchTracker(teams)
         self._players = {
-            name: [_player(entrant, pool, config) for entrant in entrants[name]]
+            name: [_player(league_player, pool, config) for league_player in league_players[name]]
             for name in pool.policies
         }
-        self._newest = [len(entrants[name]) - 1 for name in sides.policies]
-        self._lineups = np.tile(np.asarray(self._newest, np.int64), (sides.num_worlds, 1))
-        self._games: list[_Game | None] = [None] * sides.num_worlds
+        self._newest = [len(league_players[name]) - 1 for name in teams.policies]
+        self._lineups = np.tile(np.asarray(self._newest, np.int64), (teams.num_worlds, 1))
+        self._games: list[_Game | None] = [None] * teams.num_worlds
 
     def play(self, games: Sequence[_Game], on_games: OnGames) -> list[tuple[_Game, float]]:
-        """Return the points of the first side of every game: 1, 0.5 or 0."""
+        """Return the points of the first team of every game: 1, 0.5 or 0."""
         waiting = deque(games)
         results: list[tuple[_Game, float]] = []
         batches = self._pool.reset(self._seed)
         self._tracker.begin(batches)
-        self._deal(np.arange(self._sides.num_worlds), waiting)
+        self._start_matches(np.arange(self._teams.num_worlds), waiting)
         steps_left = MAX_STEPS
         while len(results) < len(games):
             num_restarts = self._pool.num_restarts
             batches = self._pool.step(self._act(batches))
-            ended = self._tracker.record(batches)
+            finished = self._tracker.record(batches)
             steps_left -= 1
-            if len(ended.worlds):
+            if len(finished.worlds):
                 if self._pool.num_restarts == num_restarts:
-                    results += self._results(ended.worlds, ended.returns)
+                    results += self._results(finished.worlds, finished.returns)
                 else:  # games of an engine that died were cut short; play them again
-                    waiting.extend(game for game in self._played(ended.worlds) if game is not None)
-                self._deal(ended.worlds, waiting)
+                    waiting.extend(
+                        game for game in self._played(finished.worlds) if game is not None
+                    )
+                self._start_matches(finished.worlds, waiting)
                 on_games(len(results), len(games))
                 steps_left = MAX_STEPS
             elif steps_left == 0:
@@ -209,20 +211,20 @@ class _Hall:
     def _act(self, batches: Batches) -> dict[str, ActionBatch]:
         actions: dict[str, ActionBatch] = {}
         for name, players in self._players.items():
-            slots = self._sides.slots(name, self._lineups)
+            slots = self._teams.slots(name, self._lineups)
             present = {int(index): players[int(index)] for index in np.unique(slots)}
             none = ActionBatch.zeros(self._pool.policies[name], len(slots))
             actions[name] = act_for(slots, present, batches[name], none)
         return actions
 
-    def _deal(self, worlds: NDArray[np.int64], waiting: deque[_Game]) -> None:
+    def _start_matches(self, worlds: NDArray[np.int64], waiting: deque[_Game]) -> None:
         """Let the next games begin in some worlds; when none is left, games that do not count."""
         for world in worlds:
             game = waiting.popleft() if waiting else None
             self._games[world] = game
             self._lineups[world] = self._newest if game is None else game.lineup
         for name, players in self._players.items():
-            rows = np.isin(self._sides.worlds[name], worlds).nonzero()[0]
+            rows = np.isin(self._teams.worlds[name], worlds).nonzero()[0]
             for player in players:
                 player.forget(rows)  # one that paused may remember another game
 
@@ -230,8 +232,8 @@ class _Hall:
         self, worlds: NDArray[np.int64], returns: NDArray[np.float64]
     ) -> list[tuple[_Game, float]]:
         return [
-            (game, score(of_sides.tolist(), game.first, game.second))
-            for game, of_sides in zip(self._played(worlds), returns, strict=True)
+            (game, score(returns_of_teams.tolist(), game.first, game.second))
+            for game, returns_of_teams in zip(self._played(worlds), returns, strict=True)
             if game is not None
         ]
 
@@ -239,28 +241,28 @@ class _Hall:
         return [self._games[int(world)] for world in worlds]
 
 
-def _player(entrant: Entrant, pool: Pool, config: TournamentConfig) -> Player:
-    policy = Policy(pool.policies[entrant.policy], entrant.settings)
-    load_tensors(policy, entrant.tensors, "")
+def _player(league_player: LeaguePlayer, pool: Pool, config: TournamentConfig) -> Player:
+    policy = Policy(pool.policies[league_player.policy], league_player.settings)
+    load_tensors(policy, league_player.tensors, "")
     generator = None
-    if not config.is_deterministic:
-        stream = f"{entrant.policy} {entrant.updates} {entrant.is_newest}"
+    if config.is_stochastic:
+        stream = f"{league_player.policy} {league_player.updates} {league_player.is_newest}"
         generator = torch.Generator().manual_seed(policy_seed(config.seed, stream))
-    return Player(policy.eval(), pool.num_agents(entrant.policy), generator)
+    return Player(policy.eval(), pool.num_agents(league_player.policy), generator)
 
 
 # --- counting -----------------------------------------------------------------------------------
 
 
 def _tables(
-    sides: Sides, entrants: Entrants, results: Iterable[tuple[_Game, float]]
+    teams: Teams, league_players: LeaguePlayers, results: Iterable[tuple[_Game, float]]
 ) -> list[MatchTable]:
-    names = sides.policies
+    names = teams.policies
     tables: dict[tuple[str, str], MatchTable] = {}
     for game, points in results:
         key = (names[game.first], names[game.second])
         if key not in tables:
-            tables[key] = _empty_table(*(entrants[name] for name in key))
+            tables[key] = _empty_table(*(league_players[name] for name in key))
         row, column = game.lineup[game.first], game.lineup[game.second]
         _count(tables[key], row, column, points)
         if key[0] == key[1]:
@@ -273,7 +275,7 @@ def _count(table: MatchTable, row: int, column: int, points: float) -> None:
     counts[row, column] += 1
 
 
-def _empty_table(rows: tuple[Entrant, ...], columns: tuple[Entrant, ...]) -> MatchTable:
+def _empty_table(rows: tuple[LeaguePlayer, ...], columns: tuple[LeaguePlayer, ...]) -> MatchTable:
     def zeros() -> NDArray[np.int64]:
         return np.zeros((len(rows), len(columns)), np.int64)
 

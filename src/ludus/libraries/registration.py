@@ -3,14 +3,19 @@
 GymGodot projects are ``ludus/GymGodot-v0``, or ``server-v0`` as in GymGodot's own package; games
 for godot_gym_api are ``ludus/GodotGymApi-v0``.
 
-``import ludus`` does it; Gymnasium 1 no longer looks for plug-ins by itself.
+``import ludus`` does it; Gymnasium 1 no longer looks for plug-ins by itself. Gymnasium takes longer
+to import than all that most commands need, so the ids are registered once something imports it.
 """
 
 from __future__ import annotations
 
+import importlib.abc
+import importlib.util
+import sys
+from collections.abc import Sequence
+from importlib.machinery import ModuleSpec
+from types import ModuleType
 from typing import Any, cast
-
-import gymnasium
 
 __all__ = ["ENVIRONMENT_IDS", "GYM_GODOT_IDS", "register_examples"]
 
@@ -27,7 +32,37 @@ GYM_GODOT_IDS = ("ludus/GymGodot-v0", "server-v0")
 
 
 def register_examples() -> None:
-    """Register the bundled examples, and the legacy bridges, with Gymnasium."""
+    """Register the bundled examples, and the legacy bridges, as soon as Gymnasium is imported."""
+    if "gymnasium" in sys.modules:
+        _register()
+    else:
+        sys.meta_path.insert(0, _GymnasiumFinder())
+
+
+class _GymnasiumFinder(importlib.abc.MetaPathFinder):
+    """Finds Gymnasium where it is, once, and has the environments registered after its import."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        if fullname != "gymnasium":
+            return None
+        sys.meta_path.remove(self)
+        spec = importlib.util.find_spec(fullname)
+        if spec is not None and spec.loader is not None:
+            load = spec.loader.exec_module
+
+            def load_and_register(module: ModuleType) -> None:
+                load(module)
+                _register()
+
+            spec.loader.exec_module = load_and_register
+        return spec
+
+
+def _register() -> None:
+    import gymnasium
+
     for environment_id, example in ENVIRONMENT_IDS.items():
         cast(Any, gymnasium).register(
             id=environment_id,

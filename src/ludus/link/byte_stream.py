@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 
 from ludus.errors import EngineTimeout
-from ludus.link.busy_poller import Spinner
+from ludus.link.busy_poller import BusyPoller
 from ludus.link.sockets import LinkClosed
 
 __all__ = ["ByteStream", "connect_until"]
@@ -34,7 +34,7 @@ class ByteStream:
         connection: Open socket; closed with this object.
         peer: What the other side is called in messages.
         spin_s: How long to poll for bytes before blocking, seconds; see
-            :class:`~ludus.link.busy_poller.Spinner`.
+            :class:`~ludus.link.busy_poller.BusyPoller`.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class ByteStream:
         self.peer = peer
         self._socket = connection
         self._await_bytes = _waiter(connection)
-        self._poller = Spinner(connection, spin_s) if spin_s > 0.0 else None
+        self._poller = BusyPoller(connection, spin_s) if spin_s > 0.0 else None
         self._view = memoryview(bytearray(_READ_BYTES if self._poller else 0))
         # The poller's handle shares the file's flags: its non-blocking mode holds here, too.
         self._waits_itself = _HAS_RECEIVE_LIMIT and self._poller is None

@@ -22,13 +22,13 @@ from ludus.model.policy_model import (
 from ludus.spec import Spec
 from ludus.wire.spec_reader import read_spec
 
-__all__ = ["ACTIVATIONS", "MAX_PARAMETERS", "check_model", "conv_output"]
+__all__ = ["MAX_PARAMETERS", "check_model", "mismatch"]
 
-ACTIVATIONS = ("none", "tanh", "relu", "elu", "silu")
 MAX_PARAMETERS = 1 << 25
 """Numbers in all arrays of a model."""
 MAX_LAYERS = 64
 MAX_CONVOLUTIONS = 16
+MAX_STRIDE = 1 << 16
 MAX_ELEMENTS = 1 << 25
 """Numbers in one layer's output."""
 
@@ -53,17 +53,6 @@ def check_model(model: PolicyModel) -> None:
         raise PolicyFileError(f"policy file: {total} parameters, the limit is {MAX_PARAMETERS}")
 
 
-def conv_output(shape: tuple[int, int, int], layer: Convolution) -> tuple[int, int, int]:
-    """Return ``(channels, height, width)`` of what a convolution makes of such an input."""
-    filters, _, kernel_height, kernel_width = layer.weight.shape
-    _, height, width = shape
-    return (
-        filters,
-        (height + 2 * layer.padding - kernel_height) // layer.stride + 1,
-        (width + 2 * layer.padding - kernel_width) // layer.stride + 1,
-    )
-
-
 def _check_spec(model: PolicyModel) -> None:
     """Hold the spec to the limits of the protocol, through its reader."""
     try:
@@ -79,14 +68,14 @@ def _check_normalisation(normalisation: Normalisation | None, size: int) -> None
     _check_array("normalisation.shift", normalisation.shift, (size,))
     _check_array("normalisation.scale", normalisation.scale, (size,))
     if not (math.isfinite(normalisation.limit) and normalisation.limit > 0.0):
-        raise _wrong("normalisation.limit", "a positive number", normalisation.limit)
+        raise mismatch("normalisation.limit", "a positive number", normalisation.limit)
 
 
 def _check_images(model: PolicyModel) -> None:
     entries = [entry for entry in model.observation if is_image(entry)]
     names = [image.entry for image in model.images]
     if names != [entry.name for entry in entries]:
-        raise _wrong("images", f"one for each of {[entry.name for entry in entries]}", names)
+        raise mismatch("images", f"one for each of {[entry.name for entry in entries]}", names)
     for i, (image, entry) in enumerate(zip(model.images, entries, strict=True)):
         _check_image(f"images[{i}]", image, image_shape(entry))
 
@@ -94,7 +83,7 @@ def _check_images(model: PolicyModel) -> None:
 def _check_image(where: str, image: ImageNetwork, shape: tuple[int, int, int]) -> None:
     if not 1 <= len(image.convolutions) <= MAX_CONVOLUTIONS:
         count = len(image.convolutions)
-        raise _wrong(f"{where}.convolutions", f"1 to {MAX_CONVOLUTIONS}", count)
+        raise mismatch(f"{where}.convolutions", f"1 to {MAX_CONVOLUTIONS}", count)
     for i, layer in enumerate(image.convolutions):
         shape = _check_convolution(f"{where}.convolutions[{i}]", layer, shape)
     _check_linear(f"{where}.linear", image.linear, math.prod(shape))
@@ -107,24 +96,26 @@ def _check_convolution(
     weight = layer.weight
     if weight.ndim != 4 or weight.shape[1] != shape[0] or 0 in weight.shape:
         expected = f"[filters, {shape[0]}, kernel height, kernel width]"
-        raise _wrong(f"{where}.weight.shape", expected, list(weight.shape))
-    if layer.stride < 1:
-        raise _wrong(f"{where}.stride", "at least 1", layer.stride)
+        raise mismatch(f"{where}.weight.shape", expected, list(weight.shape))
+    if not 1 <= layer.stride <= MAX_STRIDE:
+        raise mismatch(f"{where}.stride", f"1 to {MAX_STRIDE}", layer.stride)
     if not 0 <= layer.padding < min(weight.shape[2:]):
-        raise _wrong(f"{where}.padding", "0 to less than the kernel", layer.padding)
-    output = conv_output(shape, layer)
+        raise mismatch(f"{where}.padding", "0 to less than the kernel", layer.padding)
+    padded = (side + 2 * layer.padding for side in shape[1:])
+    sides = zip(padded, weight.shape[2:], strict=True)
+    height, width = ((side - kernel) // layer.stride + 1 for side, kernel in sides)
+    output = (len(weight), height, width)
     if min(output) < 1 or math.prod(output) > MAX_ELEMENTS:
-        raise _wrong(f"{where}.weight.shape", f"a kernel that fits {list(shape)}", weight.shape)
+        raise mismatch(f"{where}.weight.shape", f"a kernel that fits {list(shape)}", weight.shape)
     _check_array(f"{where}.weight", weight, weight.shape)
     _check_array(f"{where}.bias", layer.bias, weight.shape[:1])
-    _check_activation(where, layer.activation)
     return output
 
 
 def _check_gru(memory: Gru, inputs: int) -> None:
     if memory.weight_hidden.ndim != 2 or memory.size < 1:
         shape = list(memory.weight_hidden.shape)
-        raise _wrong("memory.weight_hidden.shape", "[3 * size, size]", shape)
+        raise mismatch("memory.weight_hidden.shape", "[3 * size, size]", shape)
     rows = 3 * memory.size
     _check_array("memory.weight_input", memory.weight_input, (rows, inputs))
     _check_array("memory.weight_hidden", memory.weight_hidden, (rows, memory.size))
@@ -137,42 +128,36 @@ def _check_distribution(distribution: Distribution, size: int) -> None:
         _check_array("distribution.log_std", distribution.log_std, (size,))
     low, high = distribution.log_std_range
     if not (-math.inf < low <= high < math.inf):
-        raise _wrong("distribution.log_std_range", "[lowest, highest]", [low, high])
+        raise mismatch("distribution.log_std_range", "[lowest, highest]", [low, high])
 
 
 def _check_layers(model: PolicyModel, inputs: int) -> None:
     if not 1 <= len(model.layers) <= MAX_LAYERS:
-        raise _wrong("layers", f"1 to {MAX_LAYERS} of them", len(model.layers))
+        raise mismatch("layers", f"1 to {MAX_LAYERS} of them", len(model.layers))
     for i, layer in enumerate(model.layers):
         _check_linear(f"layers[{i}]", layer, inputs)
         inputs = len(layer.bias)
     if inputs != model.num_outputs:
         expected = f"[{model.num_outputs}], as action and distribution ask for"
-        raise _wrong(f"layers[{len(model.layers) - 1}].bias.shape", expected, [inputs])
+        raise mismatch(f"layers[{len(model.layers) - 1}].bias.shape", expected, [inputs])
 
 
 def _check_linear(where: str, layer: Linear, inputs: int) -> None:
     shape = layer.weight.shape
     if len(shape) != 2 or shape[0] < 1 or shape[1] != inputs:
-        raise _wrong(f"{where}.weight.shape", f"[outputs, {inputs}]", list(shape))
+        raise mismatch(f"{where}.weight.shape", f"[outputs, {inputs}]", list(shape))
     _check_array(f"{where}.weight", layer.weight, shape)
     _check_array(f"{where}.bias", layer.bias, shape[:1])
-    _check_activation(where, layer.activation)
-
-
-def _check_activation(where: str, activation: str) -> None:
-    if activation not in ACTIVATIONS:
-        raise _wrong(f"{where}.activation", f"one of {', '.join(ACTIVATIONS)}", activation)
 
 
 def _check_array(where: str, array: NDArray[np.float32], shape: tuple[int, ...]) -> None:
     if array.shape != shape:
-        raise _wrong(f"{where}.shape", f"{list(shape)}", list(array.shape))
+        raise mismatch(f"{where}.shape", f"{list(shape)}", list(array.shape))
     if array.dtype != np.float32:
-        raise _wrong(where, "float32", array.dtype)
+        raise mismatch(where, "float32", array.dtype)
     if not np.isfinite(array).all():
         index = [int(axis) for axis in np.argwhere(~np.isfinite(array))[0]]
-        raise _wrong(f"{where}{index}", "a finite number", array[tuple(index)])
+        raise mismatch(f"{where}{index}", "a finite number", array[tuple(index)])
 
 
 def _num_parameters(model: PolicyModel) -> int:
@@ -186,7 +171,8 @@ def _num_parameters(model: PolicyModel) -> int:
     return total
 
 
-def _wrong(where: str, expected: str, got: object) -> PolicyFileError:
+def mismatch(where: str, expected: str, got: object) -> PolicyFileError:
+    """Return the error that names a field, what was expected there, and what came."""
     return PolicyFileError(
         f"policy file: {where}: expected {expected}, got {got}",
         hint="export the policy again with `ludus export`",

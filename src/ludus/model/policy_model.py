@@ -92,12 +92,14 @@ class Gru:
         weight_hidden: ``float32[3 * size, size]``.
         bias_input: ``float32[3 * size]``.
         bias_hidden: ``float32[3 * size]``.
+        kind: The only one there is.
     """
 
     weight_input: Array
     weight_hidden: Array
     bias_input: Array
     bias_hidden: Array
+    kind: Literal["gru"] = "gru"
 
     @property
     def size(self) -> int:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ludus.errors import SequenceError, TargetError
+from ludus.folder_imports import look_in_current_folder
 from ludus.spec import AgentSpec, PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batch, Batches, StepTimes
 from ludus.spec.batch_rows import action_reader, clear_outcome, write_finals, write_state
@@ -191,6 +192,7 @@ class GymnasiumPool:
 
 
 def _make(env_id: str, max_episode_steps: int | None) -> GymEnv:
+    look_in_current_folder(env_id.rpartition(":")[0])
     try:
         return gymnasium.make(env_id, max_episode_steps=max_episode_steps, disable_env_checker=True)
     except (gymnasium.error.Error, ImportError) as error:

@@ -8,7 +8,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ludus.engine import Target, allowed_cores, plan_cores, resolve_target
+from ludus.engine import (
+    CorePlan,
+    ReservedCores,
+    Target,
+    allowed_cores,
+    reserve_cores,
+    resolve_target,
+)
 from ludus.errors import ConfigError
 from ludus.legacy.registry import (
     Bridge,
@@ -50,7 +57,8 @@ class PoolConfig:
         godot: Engine to use; None: the one that is found.
         log_dir: Folder for the engines' output.
         max_restarts: How often, in all, an engine that died or froze is started again.
-        is_pinned: Give each engine a core of its own.
+        is_pinned: Give each engine a core of its own, which no other pool of this user has while
+            there are enough.
         spin_us: How long both sides look for a message again and again before they sleep; None:
             3000 where a core is left beside the engines, else 0. Who often looks in vain, or
             loses the core meanwhile, sleeps at once for a second: somebody else needs the core.
@@ -79,7 +87,7 @@ def open_pool(target: str | Path, config: PoolConfig | None = None) -> EnginePoo
 
     Args:
         target: A bundled example, a project folder, a ``.tscn``, an exported game,
-            ``host:port``, ``"play"`` (wait until somebody presses Play), or a game of an older
+            ``host:port``, ``"play"`` (wait until somebody presses Play), or a game of a legacy
             bridge (``"gymgodot:PATH"``, ``"godot_gym_api:PATH"``, ``"http://HOST:PORT"``).
         config: Engines and worlds.
 
@@ -96,36 +104,37 @@ def open_pool(target: str | Path, config: PoolConfig | None = None) -> EnginePoo
         return _open_bridge(bridge, bridge.place_of(str(target)), config)
     resolved = resolve_target(target, scene=config.scene, godot=config.godot)
     _check(config, resolved)
-    cores = _cores(config)
+    cores = _reserve_cores(config, resolved.is_started_by_us)
 
     def open_engine(engine: int) -> Session:
-        options = replace(config.launch, cores=cores[engine], log_path=_log_path(config, engine))
+        pinned = cores.plan.engines[engine]
+        options = replace(config.launch, cores=pinned, log_path=_log_path(config, engine))
         return open_session(resolved, _engine_config(config, engine), options)
 
-    return EnginePool(open_engine, config.num_engines, config.max_restarts)
+    return EnginePool(open_engine, config.num_engines, config.max_restarts, cores)
 
 
 def _open_bridge(bridge: Bridge, address: str, config: PoolConfig) -> EnginePool:
     check_settings(bridge, config.bridge)
     _check_bridge(bridge, config)
-    cores = _cores(config)
+    cores = _reserve_cores(config)
 
     def open_engine(engine: int) -> Session:
         place = GameAddress(
             address=address,
             num_games=config.num_engines,
-            cores=cores[engine],
+            cores=cores.plan.engines[engine],
             log_path=_log_path(config, engine),
         )
         return open_bridge_session(bridge, place, config.bridge, config.max_episode_steps)
 
-    return EnginePool(open_engine, config.num_engines, config.max_restarts)
+    return EnginePool(open_engine, config.num_engines, config.max_restarts, cores)
 
 
-def _cores(config: PoolConfig) -> tuple[tuple[int, ...] | None, ...]:
-    if not config.is_pinned:
-        return (None,) * config.num_engines
-    return plan_cores(config.num_engines).engines
+def _reserve_cores(config: PoolConfig, is_started_by_us: bool = True) -> ReservedCores:
+    if config.is_pinned and is_started_by_us:
+        return reserve_cores(config.num_engines)
+    return ReservedCores(CorePlan((None,) * config.num_engines, None))
 
 
 def _log_path(config: PoolConfig, engine: int) -> Path | None:

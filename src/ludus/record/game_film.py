@@ -6,7 +6,7 @@ import contextlib
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
 from fractions import Fraction
 
 from ludus.engine import (
@@ -22,16 +22,18 @@ from ludus.engine import (
 from ludus.engine.find import InstalledEngine
 from ludus.engine.project import Project
 from ludus.errors import EngineCrashed, EngineError, EngineTimeout, SetupError, TargetError
+from ludus.play.episodes import EpisodeCounter
+from ludus.play.players import MakePlayer
+from ludus.play.playing import Play
 from ludus.pool import PoolConfig, open_pool
 from ludus.pool.interface import Pool
 from ludus.record.camera import Camera
-from ludus.record.film import Film, Frame
-from ludus.record.players import Act
-from ludus.record.playing import Play
+from ludus.record.film import Frame
 from ludus.record.screen import screen, variables
+from ludus.record.shot import Shot
 from ludus.session import LaunchOptions
 
-__all__ = ["Shot", "film_alone", "film_played", "game_rate", "require_project"]
+__all__ = ["film_alone", "film_played", "game_rate", "require_project"]
 
 CONNECT_S = 60.0
 SILENCE_S = 120.0
@@ -39,29 +41,6 @@ SILENCE_S = 120.0
 
 _POLL_S = 0.05
 _NO_RENDERER = ("Display is not available", "Your video card", "Unable to create", "GLX", "EGL")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Shot:
-    """What is taken of a game.
-
-    Attributes:
-        film: Gets the frames.
-        every: Frames of the game for one of the film.
-        num_frames: Longest film, frames.
-        num_episodes: End after so many episodes of every policy; None: never.
-        num_skipped: Frames left out at the beginning.
-        window: Width and height of the window, pixels; None: the project's.
-        seed: Of worlds.
-    """
-
-    film: Film
-    every: int
-    num_frames: int
-    num_episodes: int | None
-    num_skipped: int
-    window: tuple[int, int] | None
-    seed: int
 
 
 def require_project(target: Target) -> Project:
@@ -89,7 +68,7 @@ def game_rate(project: Project) -> Fraction:
 
 
 def film_played(
-    target: Target, config: PoolConfig, player: Callable[[Pool], Act], shot: Shot
+    target: Target, config: PoolConfig, player: MakePlayer, shot: Shot
 ) -> dict[str, int]:
     """Film a game that Python plays; return how many episodes of each policy have ended.
 
@@ -107,25 +86,19 @@ def film_played(
         SetupError: There is no screen, or nothing to draw with.
     """
     engine = _engine_of(target)
-    with _camera(shot) as camera, _explained(engine):
+    with _camera(shot) as camera, _hint_at_renderer(engine):
         launch = LaunchOptions(is_windowed=True, engine_args=_engine_args(engine, shot))
-        settings = PoolConfig(
-            scene=target.scene,
-            ticks_per_step=config.ticks_per_step,
-            max_episode_steps=config.max_episode_steps,
-            godot=config.godot,
-            is_pinned=False,
-            launch=launch,
-        )
+        settings = replace(config, scene=target.scene, is_pinned=False, launch=launch)
         with open_pool(require_project(target).root, settings) as pool:
             camera.connect(CONNECT_S, lambda: None)
+            counter = EpisodeCounter(pool.policies, shot.num_episodes)
             play = Play(pool, player(pool), shot.seed)
             camera.begin()
-            play.run(shot.num_episodes, _is_full(camera, pool, shot))
+            play.run(counter, _is_full(camera, pool, shot))
             camera.end()
             play.step()
             camera.finish()
-        return dict(play.num_episodes)
+        return dict(counter.num_episodes)
 
 
 def film_alone(target: Target, shot: Shot) -> None:
@@ -141,7 +114,7 @@ def film_alone(target: Target, shot: Shot) -> None:
     command = godot_command(engine, project.root, target.scene, flags)
     with (
         _camera(shot) as camera,
-        _explained(engine),
+        _hint_at_renderer(engine),
         EngineProcess.start(LaunchConfig(command=command)) as process,
     ):
         camera.connect(CONNECT_S, lambda: _check_alive(process))
@@ -168,8 +141,8 @@ def _camera(shot: Shot) -> Generator[Camera]:
 
 
 @contextmanager
-def _explained(engine: InstalledEngine) -> Generator[None]:
-    """Say what is missing where the game could not draw."""
+def _hint_at_renderer(engine: InstalledEngine) -> Generator[None]:
+    """Say how to install a renderer, where the game could not draw."""
     try:
         yield
     except EngineError as error:

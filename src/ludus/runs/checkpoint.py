@@ -8,6 +8,8 @@
         state.json              all the rest, and the hashes of the tensors
     checkpoints/update-000000001000/
                                 the same, kept for ever; ``keep_every_updates``
+    checkpoints/unloadable-step-000000245760/
+                                set aside: it could not be loaded when the run was resumed
 """
 
 from __future__ import annotations
@@ -196,7 +198,7 @@ class CheckpointStore:
     def write(self, checkpoint: Checkpoint) -> Path:
         """Save a checkpoint, then drop those that are neither new nor best."""
         path = self.folder / f"step-{checkpoint.agent_steps:012d}"
-        if not path.exists():  # nothing was learnt since a checkpoint of the same step
+        if not self._is_written(path):  # else nothing was learnt since then
             write_checkpoint(path, checkpoint)
             self._prune()
         return path
@@ -204,32 +206,41 @@ class CheckpointStore:
     def keep(self, checkpoint: Checkpoint, updates: int) -> Path:
         """Save a checkpoint that is never dropped, without replay buffers."""
         path = self.folder / f"update-{updates:012d}"
-        if not path.exists():
+        if not self._is_written(path):
             learners = {
                 name: replace(learner, replay={}) for name, learner in checkpoint.learners.items()
             }
             write_checkpoint(path, replace(checkpoint, learners=learners))
         return path
 
-    def newest(self, *, has_replay: bool = False) -> tuple[Path, Checkpoint]:
+    def newest(
+        self, *, has_replay: bool = False, set_aside: bool = False
+    ) -> tuple[Path, Checkpoint]:
         """Return the newest checkpoint that can be loaded, and where it is.
 
         Args:
             has_replay: Read replay buffers as well.
+            set_aside: Rename newer ones that cannot be loaded, so that they neither count as
+                checkpoints nor take the place of those to come. Only for who trains the run.
 
         Raises:
-            CheckpointError: There is none.
+            CheckpointError: There is none; nothing was renamed.
+            RunError: One could not be renamed.
         """
         tried: set[Path] = set()
         # A run that goes on may drop all that were there, and write others, while they are read.
         while untried := [path for path in self.paths() if path not in tried]:
             for path in reversed(untried):
+                tried.add(path)
                 try:
-                    return path, read_checkpoint(path, has_replay=has_replay)
+                    checkpoint = read_checkpoint(path, has_replay=has_replay)
                 except CheckpointError as error:
                     if path.is_dir():
                         log.warning("%s; trying an older one", error.message)
-            tried.update(untried)
+                    continue
+                for unloadable in sorted(tried - {path}) if set_aside else ():
+                    self._set_aside(unloadable)
+                return path, checkpoint
         raise CheckpointError(
             f"no checkpoint in {self.folder} can be loaded", "start a new run without --resume"
         )
@@ -243,6 +254,28 @@ class CheckpointStore:
         """Remove what a killed run left half written."""
         for path in self.folder.glob(f"{TEMPORARY}*"):
             shutil.rmtree(path, ignore_errors=True)
+
+    def _is_written(self, path: Path) -> bool:
+        """Return whether ``path`` is a checkpoint that can be loaded; set aside one that cannot."""
+        if not path.exists():
+            return False
+        try:
+            read_checkpoint(path, has_replay=True)
+        except CheckpointError as error:
+            log.warning("%s", error.message)
+            self._set_aside(path)
+            return False
+        return True
+
+    def _set_aside(self, path: Path) -> None:
+        aside, attempt = path.with_name(f"unloadable-{path.name}"), 1
+        while aside.exists():
+            attempt += 1
+            aside = path.with_name(f"unloadable-{path.name}-{attempt}")
+        with disk_errors(str(aside)):
+            if path.exists():
+                path.rename(aside)
+                log.warning("%s was renamed to %s and no longer counts", path, aside.name)
 
     def _prune(self) -> None:
         best = self.best()

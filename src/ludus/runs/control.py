@@ -25,7 +25,7 @@ import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 from ludus.disk import disk_errors, write_atomically
 from ludus.errors import UsageError
@@ -41,67 +41,64 @@ MODES: tuple[Mode, ...] = typing.get_args(Mode)
 log = logging.getLogger(__name__)
 
 
+class _Kind:
+    """A request; its fields are the other keys of the JSON object."""
+
+    kind: ClassVar[str]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the request as JSON values."""
+        return {"kind": self.kind, **vars(self)}
+
+
 @dataclass(frozen=True)
-class SetMode:
+class SetMode(_Kind):
     """Let a policy learn, act frozen, or act deterministically."""
 
+    kind = "set_mode"
     policy: str
     mode: Mode
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the request as JSON values."""
-        return {"kind": "set_mode", "policy": self.policy, "mode": self.mode}
-
 
 @dataclass(frozen=True)
-class SaveRequest:
+class SaveRequest(_Kind):
     """Write a checkpoint now."""
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the request as JSON values."""
-        return {"kind": "save"}
+    kind = "save"
 
 
 @dataclass(frozen=True)
-class StopRequest:
+class StopRequest(_Kind):
     """End training, with a checkpoint."""
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the request as JSON values."""
-        return {"kind": "stop"}
+    kind = "stop"
 
 
 @dataclass(frozen=True)
-class StartRequest:
+class StartRequest(_Kind):
     """Train until told to stop."""
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the request as JSON values."""
-        return {"kind": "start"}
+    kind = "start"
 
 
 @dataclass(frozen=True)
-class PlayRound:
+class PlayRound(_Kind):
     """Play one episode in every world with the most probable actions; nothing learns."""
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the request as JSON values."""
-        return {"kind": "play_round"}
+    kind = "play_round"
 
 
 @dataclass(frozen=True)
-class WritePolicies:
+class WritePolicies(_Kind):
     """Write every policy as a file for the game."""
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the request as JSON values."""
-        return {"kind": "write_policies"}
+    kind = "write_policies"
 
 
 Request = SetMode | SaveRequest | StopRequest | StartRequest | PlayRound | WritePolicies
 
 _SIMPLE: dict[str, Request] = {
-    str(request.to_json()["kind"]): request
+    request.kind: request
     for request in (SaveRequest(), StopRequest(), StartRequest(), PlayRound(), WritePolicies())
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -50,7 +51,7 @@ def draw_learning_curve(metrics: Path, picture: Path, title: str) -> bool:
 
     figure: Any = Figure(figsize=(8, 4.5), dpi=150, layout="constrained")
     axes = figure.subplots()
-    colours = dict(zip(curves, _cycle(len(curves)), strict=True))
+    colours = dict(zip(curves, itertools.cycle(COLOURS), strict=False))
     for name, points in curves.items():
         _draw_policy(axes, colours[name], points)
     _label_ends(axes, curves, colours)
@@ -69,10 +70,10 @@ def _curve(lines: Sequence[dict[str, Any]], policy: str) -> _Points | None:
         for steps, of in values
         if "mean_return" in of
     ]
-    return thin_out(np.asarray(points, np.float64).T) if points else None
+    return subsample(np.asarray(points, np.float64).T) if points else None
 
 
-def thin_out(points: _Points, max_points: int = MAX_POINTS) -> _Points:
+def subsample(points: _Points, max_points: int = MAX_POINTS) -> _Points:
     """Average neighbouring columns until at most ``max_points`` are left, from first to last step.
 
     Args:
@@ -82,12 +83,12 @@ def thin_out(points: _Points, max_points: int = MAX_POINTS) -> _Points:
     if points.shape[1] <= max_points:
         return points
     groups = np.array_split(points, max_points, axis=1)
-    thinned = np.stack([group.mean(axis=1) for group in groups], axis=1)
-    thinned[0, [0, -1]] = points[0, [0, -1]]
-    return thinned
+    sampled = np.stack([group.mean(axis=1) for group in groups], axis=1)
+    sampled[0, [0, -1]] = points[0, [0, -1]]
+    return sampled
 
 
-def spread(values: Sequence[float], gap: float) -> list[float]:
+def space_apart(values: Sequence[float], gap: float) -> list[float]:
     """Move values apart, so that none is nearer to another than ``gap``; their order stays."""
     order = np.argsort(values, kind="stable")
     placed = np.asarray(values, np.float64)
@@ -109,7 +110,9 @@ def _draw_policy(axes: Any, colour: str, points: _Points) -> None:
 def _label_ends(axes: Any, curves: dict[str, _Points], colours: dict[str, str]) -> None:
     """Write the last means beside the curves, and whose they are if there are several."""
     low, high = axes.get_ylim()
-    heights = spread([points[1, -1] for points in curves.values()], LABEL_HEIGHT * (high - low))
+    heights = space_apart(
+        [points[1, -1] for points in curves.values()], LABEL_HEIGHT * (high - low)
+    )
     for (name, points), height in zip(curves.items(), heights, strict=True):
         value = f"{points[1, -1]:.4g}"
         axes.annotate(
@@ -163,7 +166,3 @@ def _short_number(value: float, _: int | None = None) -> str:
         if value >= size:
             return f"{value / size:g}{letter}"
     return f"{value:g}"
-
-
-def _cycle(count: int) -> list[str]:
-    return [COLOURS[index % len(COLOURS)] for index in range(count)]

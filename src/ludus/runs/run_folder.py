@@ -14,6 +14,8 @@
         engine-logs/            what the game processes printed
         control/                requests to the run while it goes on, see :mod:`ludus.runs.control`
         diverged/               a checkpoint for inspection, after a loss became NaN
+
+What needs PyTorch or NumPy is imported where it is used, so that ``ludus runs`` does without.
 """
 
 from __future__ import annotations
@@ -26,14 +28,15 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ludus.disk import disk_errors, write_atomically
-from ludus.engine.locks import LockHeld, file_lock
 from ludus.errors import CheckpointError, RunError
-from ludus.runs.checkpoint import CheckpointStore
-from ludus.settings.merging import lay_over, read_file, to_plain
-from ludus.settings.train_config import TrainConfig
+from ludus.locks import LockHeld, file_lock
+
+if TYPE_CHECKING:
+    from ludus.runs.checkpoint import CheckpointStore
+    from ludus.settings.train_config import TrainConfig
 
 __all__ = ["RunFolder"]
 
@@ -77,19 +80,30 @@ class RunFolder:
                 path = config.runs / f"{stem}-{attempt}"
 
     @classmethod
+    def look_up(cls, path: Path) -> RunFolder | None:
+        """Return the run that ``path`` is, or is a checkpoint of; None if it is neither."""
+        if not path.is_dir() or (path / "project.godot").is_file():
+            return None
+        # Resolved only where it must be, so that messages show the path as it was given.
+        for folder in (path, path.parent.parent, path.resolve().parent.parent):
+            if (folder / "config.json").is_file():
+                return cls(folder)
+        return None
+
+    @classmethod
     def find(cls, path: Path) -> RunFolder:
         """Return the folder of an existing run; a checkpoint inside it will do, too.
 
         Raises:
             CheckpointError: There is no run.
         """
-        for folder in (path, path.parent.parent):
-            if (folder / "config.json").is_file():
-                return cls(folder)
-        raise CheckpointError(
-            f"{path} is not a run: it has no config.json",
-            "name a folder that ludus train made, such as runs/cartpole-…",
-        )
+        folder = cls.look_up(path)
+        if folder is None:
+            raise CheckpointError(
+                f"{path} is not a run: it has no config.json",
+                "name a folder that ludus train made, such as runs/cartpole-…",
+            )
+        return folder
 
     @property
     def metrics(self) -> Path:
@@ -156,15 +170,22 @@ class RunFolder:
 
     def checkpoints(self, keep: int = 3) -> CheckpointStore:
         """Return the store of this run's checkpoints."""
+        from ludus.runs.checkpoint import CheckpointStore
+
         return CheckpointStore(self.path / "checkpoints", keep)
 
     def read_config(self) -> TrainConfig:
         """Return the effective settings of the run."""
+        from ludus.settings.merging import lay_over, read_file
+        from ludus.settings.train_config import TrainConfig
+
         path = self.path / "config.json"
         return lay_over(TrainConfig(), read_file(path), str(path))
 
     def write_config(self, config: TrainConfig) -> None:
         """Save the effective settings."""
+        from ludus.settings.merging import to_plain
+
         self.write_json("config.json", to_plain(config))
 
     def write_json(self, name: str, values: dict[str, Any]) -> None:

@@ -246,11 +246,6 @@ class EngineSession:
         if REQUESTS in self._hello.capabilities:
             self.call(BRIDGE, "show_status", [dict(status)])
 
-    def ping(self, payload: bytes = b"") -> bytes:
-        """Send bytes and wait until they come back."""
-        self._send(FrameType.PING, encode_frame(FrameType.PING, payload))
-        return self._receive()
-
     def fail(self, error: LudusError) -> None:
         """Tell the game why the conversation ends, and end it; without effect once it has ended."""
         report = error_report(error)

@@ -1,4 +1,4 @@
-"""Who looks after the games while a trainer trains: hears what they want, tells how it goes."""
+"""What a trainer calls between steps: requests of games and users, and reports to the games."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ludus.runs.control import SaveRequest, SetMode, StopRequest, read_request, 
 if TYPE_CHECKING:
     from ludus.training.trainer import Trainer
 
-__all__ = ["Attendant", "RunAttendant"]
+__all__ = ["RunCallback", "TrainerCallback"]
 
 STATUS_EVERY_S = 0.5
 """Seconds of training between two reports to the games."""
@@ -20,18 +20,18 @@ STATUS_EVERY_S = 0.5
 log = logging.getLogger(__name__)
 
 
-class Attendant(Protocol):
-    """Is asked by a trainer between steps."""
+class TrainerCallback(Protocol):
+    """What a trainer calls between steps."""
 
-    def is_needed(self) -> bool:
-        """Return whether to look after the games now; asked before each step, so it is quick.
+    def is_due(self) -> bool:
+        """Return whether :meth:`call` is to be called before the next step.
 
-        What was collected so far is not lost.
+        The trainer asks before every step, so this must be quick. Nothing collected is lost.
         """
         ...
 
-    def attend(self) -> bool:
-        """Look after the games, as :meth:`is_needed` asked for or after an update.
+    def call(self) -> bool:
+        """Handle requests and report; called when :meth:`is_due` and after every update.
 
         Returns:
             Whether training has to end.
@@ -39,13 +39,13 @@ class Attendant(Protocol):
         ...
 
 
-class RunAttendant:
-    """Looks after the games of a run that nobody guides: after each update, and not between them.
+class RunCallback:
+    """Handles the requests of a run that no game guides, after every update.
 
     Args:
-        trainer: What it does to them.
-        pool: The games.
-        control: Folder for requests.
+        trainer: What the requests change.
+        pool: Games that send requests and show the status.
+        control: Folder with requests of users.
     """
 
     def __init__(self, trainer: Trainer, pool: Pool, control: Path) -> None:
@@ -54,21 +54,21 @@ class RunAttendant:
         self._control = control
         self._status_at_s = 0.0
 
-    def is_needed(self) -> bool:
-        """Return False: after an update is soon enough."""
+    def is_due(self) -> bool:
+        """Return False: requests wait until after an update."""
         return False
 
-    def attend(self) -> bool:
-        """Do what games and control folder ask for; return whether that is to stop."""
-        if self._obey():
+    def call(self) -> bool:
+        """Handle what games and the control folder ask for; return whether that is to stop."""
+        if self._apply():
             return True
         self._show_status()
         return False
 
-    def _obey(self) -> bool:
+    def _apply(self) -> bool:
         is_stopping = False
-        for wish in [*self._pool.take_requests(), *take_requests(self._control)]:
-            match read_request(wish, self._pool.policies):
+        for values in [*self._pool.take_requests(), *take_requests(self._control)]:
+            match read_request(values, self._pool.policies):
                 case SetMode(policy, mode):
                     self._trainer.set_mode(policy, mode)
                 case SaveRequest():
@@ -82,7 +82,7 @@ class RunAttendant:
         return is_stopping
 
     def _show_status(self) -> None:
-        """Tell the games how it goes, once in a while."""
+        """Show the games the status, twice per second at most."""
         if self._trainer.wall_s - self._status_at_s < STATUS_EVERY_S:
             return
         self._status_at_s = self._trainer.wall_s

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from ludus.league.league import League
-from ludus.league.policy_slot import Seat
+from ludus.league.policy_slot import PolicySlot
 from ludus.play.episodes import EpisodeTracker
 from ludus.pool.interface import Pool
 from ludus.spec.batch import Batch
@@ -36,7 +36,7 @@ class CollectTimes:
 
 
 class Collector:
-    """Steps all engines of a pool, with one seat for each policy.
+    """Steps all engines of a pool, with one policy slot for each policy.
 
     Engines take turns in a fixed order, so that equal seeds give equal runs: receive from one,
     choose its next actions, send them, go on to the next. While actions are chosen for one engine
@@ -44,24 +44,24 @@ class Collector:
 
     Args:
         pool: The engines.
-        seats: By policy.
+        slots: Policy slots by policy.
         trackers: By policy.
-        league: The same that the seats have; None without self-play.
+        league: The same that the policy slots have; None without self-play.
     """
 
     def __init__(
         self,
         pool: Pool,
-        seats: Mapping[str, Seat],
+        slots: Mapping[str, PolicySlot],
         trackers: Mapping[str, EpisodeTracker],
         league: League | None = None,
     ) -> None:
         self._pool = pool
-        self._seats = seats
+        self._slots = slots
         self._trackers = trackers
         self._league = league
         self._engines = range(pool.num_engines)
-        self._rows = [{name: pool.rows(name, k) for name in seats} for k in self._engines]
+        self._rows = [{name: pool.rows(name, k) for name in slots} for k in self._engines]
         self.times = CollectTimes()
 
     @property
@@ -74,11 +74,11 @@ class Collector:
         batches = self._pool.reset(seed)
         for engine in self._engines:
             rows = self._rows[engine]
-            firsts = {name: first_rows(batches[name], rows[name]) for name in self._seats}
+            firsts = {name: first_rows(batches[name], rows[name]) for name in self._slots}
             if self._league is not None:
                 self._league.begin(engine, firsts)
-            for name, seat in self._seats.items():
-                own = seat.begin(engine, firsts[name])
+            for name, slot in self._slots.items():
+                own = slot.begin(engine, firsts[name])
                 self._trackers[name].begin(rows[name], own)
 
     def collect(self, is_stopping: Callable[[], bool]) -> bool:
@@ -107,16 +107,16 @@ class Collector:
         return is_complete
 
     def _num_steps_left(self) -> int:
-        left = (seat.num_steps_left for seat in self._seats.values())
+        left = (slot.num_steps_left for slot in self._slots.values())
         return min((steps for steps in left if steps is not None), default=IDLE_STEPS)
 
     def _send(self, engine: int) -> None:
         start = time.perf_counter()
-        actions = {name: seat.act(engine) for name, seat in self._seats.items()}
+        actions = {name: slot.act(engine) for name, slot in self._slots.items()}
         self._pool.send(engine, actions)
         sent = time.perf_counter()
-        for seat in self._seats.values():
-            seat.learn_meanwhile()
+        for slot in self._slots.values():
+            slot.learn_while_stepping()
         self.times.act_s += sent - start
         self.times.learn_s += time.perf_counter() - sent
 
@@ -126,8 +126,8 @@ class Collector:
         received = time.perf_counter()
         if self._league is not None:
             self._league.record(engine, batches)
-        for name, seat in self._seats.items():
-            own = seat.record(engine, batches[name])
+        for name, slot in self._slots.items():
+            own = slot.record(engine, batches[name])
             self._trackers[name].record(self._rows[engine][name], own)
         self.times.wait_s += received - start
         self.times.record_s += time.perf_counter() - received

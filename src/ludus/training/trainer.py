@@ -15,7 +15,7 @@ from ludus.algorithms.learner import Learner
 from ludus.algorithms.learners import policy_seed
 from ludus.errors import DivergenceError, EngineError
 from ludus.league.league import League
-from ludus.league.policy_slot import Seat
+from ludus.league.policy_slot import PolicySlot
 from ludus.networks.policy import Policy
 from ludus.play.episodes import EpisodeTracker
 from ludus.pool.interface import Pool
@@ -27,7 +27,7 @@ from ludus.runs.run_list import StopReason
 from ludus.settings.merging import to_plain
 from ludus.settings.policy_config import Mode
 from ludus.settings.train_config import TrainConfig
-from ludus.training.callback import Attendant, RunAttendant
+from ludus.training.callback import RunCallback, TrainerCallback
 from ludus.training.collect import Collector, CollectTimes
 from ludus.training.modes import ModeSchedule
 from ludus.training.progress import Progress, Reporter
@@ -64,19 +64,19 @@ class Trainer:
         }
         policies = {name: learner.policy for name, learner in learners.items()}
         self._league = make_league(config, pool, policies)
-        self._seats = {name: self._make_seat(learner) for name, learner in learners.items()}
-        self._collector = Collector(pool, self._seats, self._trackers, self._league)
+        self._slots = {name: self._make_slot(learner) for name, learner in learners.items()}
+        self._collector = Collector(pool, self._slots, self._trackers, self._league)
         self._schedule = ModeSchedule(config)
         self._store = folder.checkpoints(config.keep_checkpoints)
         self._steps_per_s = 0.0
         self._saved_at_s, self._saved_at_update = 0.0, 0
         self._has_begun = False
 
-    def _make_seat(self, learner: Learner) -> Seat:
+    def _make_slot(self, learner: Learner) -> PolicySlot:
         name = learner.policy.spec.name
         slots = [learner.policy.spec.num_agents] * self._pool.num_engines
         seed = policy_seed((self._config.seed or 0) + 1, name)
-        return Seat(learner, slots, seed, self._league)
+        return PolicySlot(learner, slots, seed, self._league)
 
     @property
     def agent_steps(self) -> int:
@@ -95,8 +95,8 @@ class Trainer:
         """Return what games are told of the run (PROTOCOL.md §8)."""
         returns = self.mean_returns()
         policies = {
-            name: {"mode": seat.mode, "mean_return": returns.get(name)}
-            for name, seat in self._seats.items()
+            name: {"mode": slot.mode, "mean_return": returns.get(name)}
+            for name, slot in self._slots.items()
         }
         return {"agent_steps": self.agent_steps, "updates": self.updates, "policies": policies}
 
@@ -109,7 +109,7 @@ class Trainer:
         for name, learner in self._learners.items():
             learner.load_state(checkpoint.learners[name])
             self._trackers[name].load_state(checkpoint.run["episodes"][name])
-            self._seats[name].load_state(checkpoint.run["seats"][name])
+            self._slots[name].load_state(checkpoint.run["seats"][name])
         if self._league is not None and "league" in checkpoint.run:
             self._league.load_state(checkpoint.league, checkpoint.run["league"])
         for name, mode in self._changed_modes(checkpoint).items():
@@ -139,17 +139,17 @@ class Trainer:
         self,
         is_stopping: Callable[[], bool],
         reporter: Reporter,
-        attendant: Attendant | None = None,
+        callback: TrainerCallback | None = None,
     ) -> StopReason:
-        """Train until a limit of the config is reached or somebody says so.
+        """Train until a limit of the config is reached or a stop is requested.
 
         The last state is saved on every way out but a hard one, and but divergence, which is
         saved elsewhere.
 
         Args:
             is_stopping: Asked before each step.
-            reporter: Is told how it goes.
-            attendant: Looks after the games; None: as ``ludus train`` does.
+            reporter: Shows progress.
+            callback: Handles requests; None: as ``ludus train`` does.
 
         Raises:
             DivergenceError: A loss became NaN or infinite.
@@ -158,11 +158,11 @@ class Trainer:
         """
         self.begin()
         self.save()
-        attendant = attendant or RunAttendant(self, self._pool, self._folder.control)
+        callback = callback or RunCallback(self, self._pool, self._folder.control)
         metrics = MetricsLog(self._folder.path, self.agent_steps)
         try:
             self._reset()
-            reason = self._loop(is_stopping, reporter, attendant, metrics)
+            reason = self._loop(is_stopping, reporter, callback, metrics)
         except DivergenceError as error:
             raise self._save_diverged(error) from None
         except EngineError:
@@ -177,13 +177,13 @@ class Trainer:
         self,
         is_stopping: Callable[[], bool],
         reporter: Reporter,
-        attendant: Attendant,
+        callback: TrainerCallback,
         metrics: MetricsLog,
     ) -> StopReason:
         while (reason := self._reason_to_stop()) is None:
             start, steps_before = time.perf_counter(), self.agent_steps
             times = self._times()
-            interruption = self._collect(is_stopping, attendant)
+            interruption = self._collect(is_stopping, callback)
             update_start = time.perf_counter()
             losses = self._update() if interruption is None else {}
             end = time.perf_counter()
@@ -201,20 +201,22 @@ class Trainer:
                 if self._config.exact_resume:
                     self._reset()
             self._keep()
-            if attendant.attend():
+            if callback.call():
                 return "stopped"
         return reason
 
-    def _collect(self, is_stopping: Callable[[], bool], attendant: Attendant) -> StopReason | None:
+    def _collect(
+        self, is_stopping: Callable[[], bool], callback: TrainerCallback
+    ) -> StopReason | None:
         """Step until a learner is due to update; return why that was not reached, or None."""
 
         def is_pausing() -> bool:
-            return is_stopping() or attendant.is_needed()
+            return is_stopping() or callback.is_due()
 
         while not self._collector.collect(is_pausing):
             if is_stopping():
                 return "interrupted"
-            if attendant.attend():
+            if callback.call():
                 return "stopped"
         return None
 
@@ -229,9 +231,9 @@ class Trainer:
     def _update(self) -> dict[str, dict[str, float]]:
         progress = min(1.0, self.agent_steps / self._config.total_steps)
         losses = {
-            name: seat.learner.update(progress)
-            for name, seat in self._seats.items()
-            if seat.num_steps_left == 0
+            name: slot.learner.update(progress)
+            for name, slot in self._slots.items()
+            if slot.num_steps_left == 0
         }
         self.updates += 1
         return losses
@@ -251,14 +253,14 @@ class Trainer:
 
         What it has collected and not learnt from yet is dropped.
         """
-        if self._seats[policy].mode != mode:
+        if self._slots[policy].mode != mode:
             log.info("policy %s: %s, after %d updates", policy, mode, self.updates)
-            self._seats[policy].set_mode(mode)
+            self._slots[policy].set_mode(mode)
         self._note_learning()
 
     def _note_learning(self) -> None:
         if self._league is not None:
-            learning = (name for name, seat in self._seats.items() if seat.mode == "train")
+            learning = (name for name, slot in self._slots.items() if slot.mode == "train")
             self._league.learning = frozenset(learning)
 
     def _reason_to_stop(self) -> StopReason | None:
@@ -303,9 +305,9 @@ class Trainer:
     def _policy_metrics(
         self, name: str, losses: Mapping[str, dict[str, float]]
     ) -> dict[str, float]:
-        tracker, seat = self._trackers[name], self._seats[name]
+        tracker, slot = self._trackers[name], self._slots[name]
         values = tracker.summary() | {"episodes": float(tracker.num_episodes)}
-        values["is_learning"] = float(seat.mode == "train")
+        values["is_learning"] = float(slot.mode == "train")
         if self._league is not None:
             values["elo"] = self._league.ratings[name]
         return values | losses.get(name, {})
@@ -324,7 +326,7 @@ class Trainer:
             steps_per_s=self._steps_per_s,
             policies=policies,
             restarts=self._pool.num_restarts,
-            modes={name: seat.mode for name, seat in self._seats.items()},
+            modes={name: slot.mode for name, slot in self._slots.items()},
         )
 
     # --- saving ---------------------------------------------------------------------------------
@@ -364,7 +366,7 @@ class Trainer:
             "updates": self.updates,
             "wall_s": self.wall_s,
             "episodes": {name: tracker.state() for name, tracker in self._trackers.items()},
-            "seats": {name: seat.state() for name, seat in self._seats.items()},
+            "seats": {name: slot.state() for name, slot in self._slots.items()},
             "random": random_state(),
         }
         league: dict[str, Tensor] = {}

@@ -29,7 +29,7 @@ from ludus.legacy.session import LegacySession
 from ludus.wire.reset import ResetRequest
 from tests.legacy.bevy_rl.program import Program, Start, reset, step
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(300, func_only=True)]
+pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(300, func_only=True)]
 
 _DEADLINE_S = 20.0
 _CART = spaces.Box(-np.inf, np.inf, (4,), np.float32)

@@ -22,7 +22,7 @@ from ludus.legacy.session import LegacySession
 from ludus.spec.batch import Batch
 from tests.legacy.bevy_rl.program import Program, Start, reset, step
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(300, func_only=True)]
+pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(300, func_only=True)]
 
 LEFT, RIGHT = 0, 1
 NUM_TILES = 10

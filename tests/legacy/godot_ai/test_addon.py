@@ -245,6 +245,7 @@ def test_scenes_that_name_a_path_of_godot_ai(project: Path, tmp_path: Path) -> N
     assert "found true true" in log.read_text()
 
 
+@pytest.mark.screen
 def test_only_some_simulations_are_shown(project: Path, log: Path) -> None:
     config = PoolConfig(num_worlds=5, launch=LaunchOptions(is_windowed=True))
     with open_pool(project, config) as pool:

@@ -52,6 +52,7 @@ def test_a_folder_must_be_there(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert "there is no folder" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
 def test_signals_save_and_end_it(tmp_path: Path, signum: signal.Signals) -> None:
     (tmp_path / "project.godot").touch()

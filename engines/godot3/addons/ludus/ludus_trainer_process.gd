@@ -9,7 +9,8 @@ const PYTHON_SETTING := "ludus/training/python"
 ## Environment variable with the same, for one machine.
 const PYTHON_VARIABLE := "LUDUS_PYTHON"
 const FOLDERS_ABOVE := 3
-## Exits with 0 if Ludus is there, without importing it.
+## Exits with 0 if Ludus is there, without importing it. With [code]-P[/code], here and below,
+## Python does not import from the folder that the game was started in.
 const PROBE := "import importlib.util, sys; sys.exit(importlib.util.find_spec('ludus') is None)"
 
 ## Why there is no trainer, or an empty text.
@@ -29,7 +30,7 @@ func start(port: int, runs: String, policies: String) -> bool:
 		error = "cannot make the folder %s" % runs
 		return false
 	_log_path = runs.plus_file("serve.log")
-	var arguments := ["-m", "ludus.cli", "serve", "--once"]
+	var arguments := ["-P", "-m", "ludus.cli", "serve", "--once"]
 	arguments += ["--port", str(port), "--runs", runs]
 	arguments += ["--policies", policies, "--log", _log_path]
 	_pid = OS.execute(python, PoolStringArray(arguments), false)
@@ -111,4 +112,4 @@ static func _candidates() -> Array:
 
 
 static func _has_ludus(python: String) -> bool:
-	return OS.execute(python, ["-c", PROBE], true) == 0
+	return OS.execute(python, ["-P", "-c", PROBE], true) == 0

@@ -9,7 +9,8 @@ const PYTHON_SETTING := "ludus/training/python"
 ## Environment variable with the same, for one machine.
 const PYTHON_VARIABLE := "LUDUS_PYTHON"
 const FOLDERS_ABOVE := 3
-## Exits with 0 if Ludus is there, without importing it.
+## Exits with 0 if Ludus is there, without importing it. With [code]-P[/code], here and below,
+## Python does not import from the folder that the game was started in.
 const PROBE := "import importlib.util, sys; sys.exit(importlib.util.find_spec('ludus') is None)"
 
 ## Why there is no trainer, or an empty text.
@@ -29,7 +30,7 @@ func start(port: int, runs: String, policies: String) -> bool:
 		error = "cannot make the folder %s" % runs
 		return false
 	_log_path = runs.path_join("serve.log")
-	var arguments: PackedStringArray = ["-m", "ludus.cli", "serve", "--once"]
+	var arguments: PackedStringArray = ["-P", "-m", "ludus.cli", "serve", "--once"]
 	arguments += PackedStringArray(["--port", str(port), "--runs", runs])
 	arguments += PackedStringArray(["--policies", policies, "--log", _log_path])
 	_pid = OS.create_process(python, arguments)
@@ -101,4 +102,4 @@ static func _candidates() -> PackedStringArray:
 
 
 static func _has_ludus(python: String) -> bool:
-	return OS.execute(python, ["-c", PROBE]) == 0
+	return OS.execute(python, ["-P", "-c", PROBE]) == 0

@@ -91,7 +91,7 @@ class AgentCheckpoints:
             CheckpointError: None can be loaded, or it is of another agent; ``agent`` is useless
                 then.
         """
-        path, checkpoint = self._store(name).newest()
+        path, checkpoint = self._store(name).newest(set_aside=True)
         if len(checkpoint.learners) != 1:
             raise CheckpointError(f"{path} has {len(checkpoint.learners)} agents, expected one")
         (saved,) = checkpoint.learners

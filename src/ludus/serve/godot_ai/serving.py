@@ -9,8 +9,8 @@ from pathlib import Path
 
 import torch
 
-from ludus.engine.locks import LockHeld, file_lock
 from ludus.errors import RunError, TargetError
+from ludus.locks import LockHeld, file_lock
 from ludus.networks.device import choose_device
 from ludus.serve.godot_ai.agents import Agents
 from ludus.serve.godot_ai.commands import GodotAi

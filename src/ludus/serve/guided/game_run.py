@@ -164,7 +164,7 @@ def _resumed(config: TrainConfig, pool: Pool, folder: RunFolder) -> GameRun | No
     store.clean()
     if not store.paths():
         return None
-    path, checkpoint = store.newest(has_replay=True)
+    path, checkpoint = store.newest(has_replay=True, set_aside=True)
     _check_fit(checkpoint, config, pool, path)
     config = replace(config, seed=checkpoint.config.get("seed"))
     message = f"{folder.path.name} goes on at {checkpoint.agent_steps} steps"

@@ -15,6 +15,8 @@ from ludus.errors import LudusError, UsageError
 from ludus.export.convert import to_model
 from ludus.export.places import place_files
 from ludus.model.json_file import write_model
+from ludus.play.evaluation import play_round
+from ludus.play.players import trained_player
 from ludus.pool.interface import Pool
 from ludus.runs.control import (
     PlayRound,
@@ -29,7 +31,6 @@ from ludus.runs.control import (
 )
 from ludus.runs.run_list import StopReason
 from ludus.serve.guided.game_run import GameRun
-from ludus.serve.guided.rounds import play_round
 from ludus.session import GuidedSession
 from ludus.training.progress import SilentReporter
 
@@ -62,8 +63,8 @@ class Game:
 class Guidance:
     """Does for one game what it asks for, and tells it how that goes.
 
-    It is the trainer's :class:`~ludus.training.callback.Attendant`, too. A game that does not guide
-    its training is trained from the start until it says stop.
+    It is also the trainer's :class:`~ludus.training.callback.TrainerCallback`. A game that does not
+    guide its training is trained from the start until it says stop.
 
     Args:
         game: The game.
@@ -105,16 +106,16 @@ class Guidance:
                     self._stand_by(is_stopping)
         return "interrupted" if is_stopping() else "stopped"
 
-    def is_needed(self) -> bool:
+    def is_due(self) -> bool:
         """Return whether the game asks for something, or waits for a report."""
         return self._session.has_requests or time.monotonic() >= self._status_due_at
 
-    def attend(self) -> bool:
-        """Obey and report; return whether what goes on has to end."""
-        wishes = [*self._session.take_requests(), *take_requests(self._run.folder.control)]
-        for wish in wishes:
-            self._obey(wish)
-        if self._next == self._state and (wishes or time.monotonic() >= self._status_due_at):
+    def call(self) -> bool:
+        """Handle requests and report; return whether what goes on has to end."""
+        requests = [*self._session.take_requests(), *take_requests(self._run.folder.control)]
+        for values in requests:
+            self._apply(values)
+        if self._next == self._state and (requests or time.monotonic() >= self._status_due_at):
             self._show_status()
         return self._next != self._state
 
@@ -129,7 +130,7 @@ class Guidance:
             self._session.stand_by()
 
     def _stand_by(self, is_stopping: Callable[[], bool]) -> None:
-        while not is_stopping() and not self.attend():
+        while not is_stopping() and not self.call():
             time.sleep(POLL_S)
 
     def _train(self, is_stopping: Callable[[], bool]) -> None:
@@ -141,20 +142,24 @@ class Guidance:
         policies = {name: learner.policy for name, learner in self._run.learners.items()}
         self._num_rounds += 1
         seed = (self._run.config.seed or 0) + ROUND_SEED * self._num_rounds
-        score = play_round(policies, self._pool, seed, lambda: is_stopping() or self._is_leaving())
-        if score is not None:
-            self._told_once["round"] = score
+        act = trained_player(policies, self._pool, seed)
+        played = play_round(act, self._pool, seed, lambda: is_stopping() or self._is_leaving())
+        if played is not None:
+            self._told_once["round"] = {
+                name: {"mean_return": of.mean_return, "episodes": of.num_episodes}
+                for name, of in played.items()
+            }
             self._say("played a round")
             self._next = self._after_round
 
     def _is_leaving(self) -> bool:
-        return self.is_needed() and self.attend()
+        return self.is_due() and self.call()
 
     # --- requests -------------------------------------------------------------------------------
 
-    def _obey(self, wish: Any) -> None:
+    def _apply(self, values: Any) -> None:
         try:
-            self._do(parse_request(wish, self._pool.policies))
+            self._do(parse_request(values, self._pool.policies))
         except LudusError as error:
             self._warn(f"{error.message} ({error.hint})" if error.hint else error.message)
 

@@ -1,0 +1,95 @@
+"""A game in Godot that the higher choice wins, and players that always make the same choice."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+
+from ludus.addon import install_addon
+from ludus.league.players import LeaguePlayer
+from ludus.networks.policy import Policy
+from ludus.settings.train_config import PPOConfig
+from ludus.spec import PolicySpec
+
+NUM_CHOICES = 4
+SETTINGS = PPOConfig(hidden_sizes=(4,))
+
+PROJECT = """\
+config_version=5
+
+[application]
+
+config/name="Duel"
+config/features=PackedStringArray("4.4")
+run/main_scene="res://duel.tscn"
+"""
+
+FIGHTER = """\
+extends Node
+var steps: int = 0
+var choice: int = 0
+func apply_action(action: int) -> void:
+	choice = action
+func get_observation() -> PackedFloat32Array:
+	return PackedFloat32Array([steps])
+func get_reward() -> float:
+	steps += 1
+	return choice
+func is_done() -> bool:
+	return steps == 3
+func reset() -> void:
+	steps = 0
+"""
+
+HEAD = f"""\
+[gd_scene format=3]
+[ext_resource type="Script" path="res://fighter.gd" id="1"]
+[ext_resource type="Script" path="res://addons/ludus/ludus_agent.gd" id="2"]
+[ext_resource type="Script" path="res://addons/ludus/ludus_action_component.gd" id="3"]
+[ext_resource type="Script" path="res://addons/ludus/ludus_world.gd" id="4"]
+[sub_resource type="Resource" id="a"]
+script = ExtResource("3")
+name = "choice"
+n = {NUM_CHOICES}
+[node name="Duel" type="Node"]
+[node name="LudusWorld" type="Node" parent="."]
+script = ExtResource("4")
+episode_mode = 1
+"""
+
+FIGHTER_NODE = """\
+[node name="Fighter{index}" type="Node" parent="."]
+script = ExtResource("1")
+[node name="LudusAgent" type="Node" parent="Fighter{index}"]
+script = ExtResource("2")
+policy_name = "{policy}"
+action = Array[ExtResource("3")]([SubResource("a")])
+"""
+
+SCENES = {"duel": ("hero", "foe"), "mirror": ("twin", "twin"), "trio": ("hero", "foe", "third")}
+
+
+def make_project(folder: Path) -> Path:
+    """Return a project with the scenes ``duel``, ``mirror`` and ``trio``."""
+    folder.mkdir(parents=True)
+    (folder / "project.godot").write_text(PROJECT)
+    (folder / "fighter.gd").write_text(FIGHTER)
+    for scene, policies in SCENES.items():
+        nodes = (FIGHTER_NODE.format(index=i, policy=name) for i, name in enumerate(policies))
+        (folder / f"{scene}.tscn").write_text(HEAD + "".join(nodes))
+    install_addon(folder)
+    return folder
+
+
+def chooser(spec: PolicySpec, choice: int, *, is_newest: bool = False) -> LeaguePlayer:
+    """Return a player that always makes the same choice, and is as many updates old."""
+    policy = Policy(spec, SETTINGS)
+    state = {name: tensor.clone() for name, tensor in policy.state_dict().items()}
+    weight, bias = (
+        next(name for name in reversed(state) if name.startswith("actor") and kind in name)
+        for kind in ("weight", "bias")
+    )
+    state[weight].zero_()
+    state[bias].copy_(100.0 * torch.eye(NUM_CHOICES)[choice])
+    return LeaguePlayer(spec.name, choice, is_newest, None, SETTINGS, state)

@@ -1,0 +1,275 @@
+"""Whole runs: what they leave, how they resume, and how they fail."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+import torch
+
+from ludus.errors import CheckpointError, DivergenceError, EngineCrashed, RunError
+from ludus.pool.gymnasium_pool import GymnasiumPool
+from ludus.runs.checkpoint import Checkpoint, read_checkpoint
+from ludus.runs.metrics import METRICS, POLICY_METRICS, read_metrics
+from ludus.runs.run_folder import RunFolder
+from ludus.training import loop
+from ludus.training.loop import train
+from ludus.training.progress import Progress, SilentReporter
+
+ROOT = Path(__file__).parents[2]
+SAC_METRICS = {
+    "q_loss", "mean_q", "temperature", "temperature_loss", "gradient_steps", "replay_size",
+}  # fmt: skip
+ELSEWHERE = {"elo"} | SAC_METRICS  # metrics that a run of PPO without self-play does not have
+
+
+def newest(run: Path) -> Checkpoint:
+    return RunFolder(run).checkpoints().newest()[1]
+
+
+def is_equal(first: Checkpoint, second: Checkpoint) -> bool:
+    one, two = first.learners["agent"].tensors, second.learners["agent"].tensors
+    return one.keys() == two.keys() and all(torch.equal(one[name], two[name]) for name in one)
+
+
+def test_leaves_a_complete_folder(small: Any) -> None:
+    result = train(small(evaluation_episodes=20))
+    names = {path.name for path in result.run.iterdir()}
+    expected = {"config.json", "checkpoints", "metrics.jsonl", "learning_curve.png"}
+    assert expected | {"evaluation.json"} <= names
+    assert any(name.startswith("events.out.tfevents") for name in names)
+    assert (result.run / "learning_curve.png").read_bytes().startswith(b"\x89PNG")
+    assert (result.stop_reason, result.agent_steps, result.updates) == ("total_steps", 640, 10)
+    evaluation = json.loads((result.run / "evaluation.json").read_bytes())
+    assert len(evaluation["agent"]["returns"]) == 20
+
+
+def test_a_run_whose_episodes_never_end_is_whole(
+    small: Any, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(loop, "ENDLESS_STEPS", 50)
+    result = train(small("gym:Endless-v0", evaluation_episodes=2))
+    assert (result.stop_reason, result.agent_steps, result.evaluation) == ("total_steps", 640, {})
+    assert (
+        "no evaluation: policy agent: 0 of 2 episodes ended within 50 steps; set max_ep"
+        in caplog.text
+    )
+    written = json.loads((result.run / "result.json").read_bytes())
+    assert (written["stop_reason"], written["evaluation"]) == ("total_steps", {})
+
+
+def test_every_metric_is_documented_and_steps_grow(small: Any) -> None:
+    result = train(small("gym:Identity-continuous-v0"))
+    lines = read_metrics(result.run / "metrics.jsonl")
+    assert [line["agent_steps"] for line in lines] == list(range(64, 641, 64))
+    for line in lines:
+        assert line.keys() - {"policies"} == METRICS.keys()
+        assert line["policies"]["agent"].keys() <= POLICY_METRICS.keys()
+    assert POLICY_METRICS.keys() - lines[-1]["policies"]["agent"].keys() <= ELSEWHERE
+
+
+def test_events_can_be_read_by_tensorboard(small: Any) -> None:
+    from tensorboard.backend.event_processing.event_file_loader import EventFileLoader
+
+    result = train(small())
+    (path,) = result.run.glob("events.out.tfevents*")
+    events: list[Any] = list(cast(Any, EventFileLoader(str(path))).Load())
+    values = {(value.tag, event.step) for event in events for value in event.summary.value}
+    assert ("agent/entropy", 640) in values
+    assert ("run/steps_per_s", 64) in values
+
+
+def test_equal_seeds_give_equal_weights(small: Any) -> None:
+    first, second = train(small(name="a")), train(small(name="b"))
+    other = train(small(name="c", seed=8))
+    assert is_equal(newest(first.run), newest(second.run))
+    assert not is_equal(newest(first.run), newest(other.run))
+
+
+def test_resume_continues_the_run(small: Any) -> None:
+    config = small()
+    first = train(config)
+    second = train(replace(config, total_steps=1280), resume=first.run)
+    assert second.run == first.run
+    steps = [line["agent_steps"] for line in read_metrics(first.run / "metrics.jsonl")]
+    assert steps == list(range(64, 1281, 64))
+    assert len(list(first.run.glob("events.out.tfevents*"))) == 2
+    assert newest(first.run).run["episodes"]["agent"]["num_episodes"] > 0
+
+
+def test_resume_replaces_a_corrupt_newest_checkpoint(
+    small: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    config = small()
+    first = train(config)
+    path = RunFolder(first.run).checkpoints().paths()[-1]
+    (path / "tensors.safetensors").write_bytes(b"half")
+    second = train(config, resume=first.run)
+    assert (second.stop_reason, second.agent_steps) == ("total_steps", 640)
+    assert f"{path} was renamed to unloadable-{path.name}" in caplog.text
+    assert read_checkpoint(path).agent_steps == 640
+    assert newest(first.run).agent_steps == 640
+
+
+def test_exact_resume_equals_an_uninterrupted_run(small: Any) -> None:
+    schedule = {"learning_rate_schedule": "constant"}
+    config = small(exact_resume=True, checkpoint_every_updates=2, ppo=schedule, total_steps=768)
+    whole = train(replace(config, name="whole"))
+    half = train(replace(config, name="half", total_steps=384))
+    assert half.agent_steps == 384
+    train(replace(config, name="half"), resume=half.run)
+    assert is_equal(newest(whole.run), newest(half.run))
+
+
+def test_resume_of_another_spec_names_the_policy(small: Any) -> None:
+    first = train(small())
+    with pytest.raises(CheckpointError, match="other observations or actions of policy agent"):
+        train(small("gym:Identity-continuous-v0"), resume=first.run)
+
+
+def test_resume_with_another_network_is_refused(small: Any) -> None:
+    first = train(small())
+    changed = replace(small(), ppo=replace(small().ppo, hidden_sizes=(17,)))
+    with pytest.raises(CheckpointError, match="does not fit the network"):
+        train(changed, resume=first.run)
+
+
+def test_divergence_saves_the_state_and_keeps_good_checkpoints(small: Any) -> None:
+    config = small("gym:Poisoned-v0", ppo={"scale_reward": False}, checkpoint_every_updates=1)
+    with pytest.raises(DivergenceError, match=r"policy agent: .*value_loss is inf") as info:
+        train(config)
+    run = config.runs / "run"
+    assert str(run / "diverged") in info.value.hint
+    assert read_checkpoint(run / "diverged").agent_steps > newest(run).agent_steps > 0
+    weights = newest(run).learners["agent"].tensors.values()
+    assert all(torch.isfinite(tensor.double()).all() for tensor in weights)
+
+
+def test_a_full_disk_ends_the_run_with_one_error(
+    small: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config, fsync, calls = small(), os.fsync, 0
+
+    def full(descriptor: int) -> None:
+        nonlocal calls
+        calls += 1
+        if calls > 12:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(RunError, match=r"cannot write the checkpoint .*: the disk is full"):
+        train(config)
+    monkeypatch.undo()
+    assert newest(config.runs / "run").agent_steps > 0
+
+
+def test_a_failed_engine_leaves_a_checkpoint(small: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    config, receive, calls = small(checkpoint_every_updates=None), GymnasiumPool.receive, 0
+
+    def fail(pool: GymnasiumPool, engine: int) -> Any:
+        nonlocal calls
+        calls += 1
+        if calls == 50:
+            raise EngineCrashed("the engine died")
+        return receive(pool, engine)
+
+    monkeypatch.setattr(GymnasiumPool, "receive", fail)
+    with pytest.raises(EngineCrashed):
+        train(config)
+    assert newest(config.runs / "run").agent_steps >= 192
+
+
+class Killer(SilentReporter):
+    """Sends a signal after some updates."""
+
+    def __init__(self, signum: int, after: int) -> None:
+        self.signum, self.left = signum, after
+
+    def updated(self, progress: Progress) -> None:
+        self.left -= 1
+        if self.left == 0:
+            os.kill(os.getpid(), self.signum)
+
+
+@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_saves_and_stops(small: Any, signum: int) -> None:
+    before = signal.getsignal(signum)
+    result = train(small(evaluation_episodes=20), reporter=Killer(signum, after=4))
+    assert (result.stop_reason, result.signum) == ("interrupted", signum)
+    assert newest(result.run).agent_steps == result.agent_steps == 256
+    assert not result.evaluation
+    assert signal.getsignal(signum) is before
+
+
+def test_limits_stop_the_run(small: Any) -> None:
+    assert train(small(name="t", max_time_s=1e-6)).stop_reason == "max_time"
+    result = train(small(name="r", target_return=-1.0, return_window=5))
+    assert result.stop_reason == "target_return"
+    assert result.agent_steps < 640
+
+
+@pytest.mark.slow
+def test_kill_at_any_moment_leaves_a_loadable_run(small: Any) -> None:
+    """A child saves all the time and is killed at random moments; each time it can resume."""
+    config = small(total_steps=10_000_000, checkpoint_every_updates=1)
+    program = (
+        "import sys; from tests.training.environments import register; register()\n"
+        "from pathlib import Path\n"
+        "from dataclasses import replace\n"
+        "from ludus.runs.run_folder import RunFolder; from ludus.training.loop import train\n"
+        "run = Path(sys.argv[1]); config = RunFolder(run).read_config()\n"
+        "print('ready', flush=True); train(config, resume=run)\n"
+    )
+    run = train(replace(config, total_steps=64)).run
+    RunFolder(run).write_config(config)
+    steps, chance = 64, random.Random(0)
+    for _ in range(2):
+        child = subprocess.Popen(
+            [sys.executable, "-c", program, str(run)], cwd=ROOT, stdout=subprocess.PIPE
+        )
+        assert child.stdout is not None
+        child.stdout.readline()
+        deadline = time.monotonic() + 60
+        while newest(run).agent_steps == steps and time.monotonic() < deadline:
+            time.sleep(0.01)
+        time.sleep(chance.uniform(0.0, 0.2))
+        child.kill()
+        child.wait()
+        child.stdout.close()
+        saved = newest(run).agent_steps
+        assert saved > steps
+        steps = saved
+    result = train(replace(config, total_steps=steps + 64), resume=run)
+    assert result.agent_steps == steps + 64
+    assert not list((run / "checkpoints").glob(".*"))
+    lines = [line["agent_steps"] for line in read_metrics(run / "metrics.jsonl")]
+    assert lines == sorted(set(lines))
+
+
+def test_run_names(small: Any, tmp_path: Path) -> None:
+    first, second = RunFolder.create(small(name="")), RunFolder.create(small(name=""))
+    assert first.path != second.path
+    assert first.path.name.startswith("Identity-discrete-v0-2")
+    RunFolder.create(small(name="mine"))
+    with pytest.raises(RunError, match="mine exists already"):
+        RunFolder.create(small(name="mine"))
+    with pytest.raises(CheckpointError, match="is not a run"):
+        RunFolder.find(tmp_path)
+
+
+def test_a_run_that_never_starts_leaves_no_folder(small: Any) -> None:
+    config = small("gym:Nowhere-v0")
+    with pytest.raises(Exception, match="cannot make"):
+        train(config)
+    assert list(config.runs.iterdir()) == []
