@@ -13,8 +13,8 @@ from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 
 from ludus.errors import ActionError, ConfigError, GameError, SequenceError, UsageError
+from ludus.legacy.env import LegacyEnv
 from ludus.legacy.godot_gym_api import Data, GodotClient, GodotEnvironment
-from ludus.legacy.godot_gym_api.env import GodotGymApiEnv
 from ludus.legacy.godot_gym_api.messages import State
 from tests.legacy.godot_gym_api.compiled import APPLE_SEEKER, WALK
 from tests.legacy.godot_gym_api.conftest import ALL, WALK_SPACES, Opener
@@ -66,8 +66,8 @@ def test_the_recorded_game_as_an_environment(opener: Opener) -> None:
             engine_address=address,
             configuration={"environment": {"repeat_action": 4}},
         )
-        assert isinstance(env.unwrapped, GodotGymApiEnv)
-        env.unwrapped.configure({"environment": {"time_speed": 4.0}})
+        assert isinstance(env.unwrapped, LegacyEnv)
+        env.unwrapped.game.methods["configure"]({"environment": {"time_speed": 4.0}})
         env.reset()
         for action in (0, 0, 0, 3, 3, 1, 2):
             observation, reward, terminated, truncated, _ = env.step(np.int64(action))

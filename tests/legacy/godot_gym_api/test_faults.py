@@ -24,7 +24,7 @@ from ludus.errors import (
     TargetError,
 )
 from ludus.legacy.godot_gym_api import GodotClient
-from ludus.legacy.godot_gym_api.ports import free_port
+from ludus.legacy.godot_gym_api.connecting import free_port
 from tests.legacy.godot_gym_api.compiled import WALK
 from tests.legacy.godot_gym_api.conftest import ALL, Opener, left_processes
 from tests.legacy.godot_gym_api.fake_game import Serve, Walk, answering, playing, read_request

@@ -20,8 +20,8 @@ from hypothesis import strategies as st
 
 from ludus.engine import EngineProcess, LaunchConfig
 from ludus.legacy.godot_gym_api import GodotClient
-from ludus.legacy.godot_gym_api.ports import free_port
-from ludus.legacy.launching import project_command
+from ludus.legacy.godot_gym_api.connecting import free_port
+from ludus.legacy.launching import GameLaunch
 from tests.legacy.godot_gym_api.conftest import ALL
 
 pytestmark = pytest.mark.engine
@@ -100,7 +100,7 @@ def game(project: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ga
 
 
 def command(project: Path, port: int) -> tuple[str, ...]:
-    return project_command(project, (f"--ludus-port={port}",), 60, is_windowed=False)
+    return GameLaunch(target=project).command_line((f"--ludus-port={port}",))
 
 
 def frame(payload: bytes) -> bytes:
