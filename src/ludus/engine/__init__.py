@@ -21,9 +21,12 @@ from ludus.engine.find import (
     search_engines,
 )
 from ludus.engine.importing import ensure_imported, needs_import
-from ludus.engine.install import install_engine
-from ludus.engine.install_screen import install_screen
-from ludus.engine.install_template import install_template
+from ludus.engine.install import (
+    install_engine,
+    install_screen,
+    install_template,
+    template_installers,
+)
 from ludus.engine.kinds import EngineKind
 from ludus.engine.launch import (
     GodotFlags,
@@ -72,5 +75,6 @@ __all__ = [
     "reserve_cores",
     "scene_path",
     "search_engines",
+    "template_installers",
     "with_display",
 ]
