@@ -114,7 +114,7 @@ def test_the_right_token(open_with: Opener) -> None:
         (frame("SPEC", b"{}"), "the engine sent SPEC in CONNECTED"),
         (frame("BATCH", b""), "the engine sent BATCH in CONNECTED"),
         (frame("HELLO", b"[]"), "HELLO must be a JSON object"),
-        (frame("HELLO", b"{}"), "malformed HELLO"),
+        (frame("HELLO", b"{}"), "HELLO.protocol: missing"),
         (b"GET / HTTP/1.1\r\n\r\n", "unknown type 47"),
         (struct.pack("<IBBH", 1 << 25, 1, 0, 0), "HELLO frame of 33554432 bytes, the limit is"),
         (frame("HELLO", b"{}")[:5] + b"\x01\x00\x00{}", "flags 1"),

@@ -18,10 +18,10 @@ from ludus.errors import (
     UsageError,
 )
 from ludus.link import Link, LinkClosed
-from ludus.session.finite import check_finite
 from ludus.session.supervision import Supervision
 from ludus.spec import PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batches, StepTimes
+from ludus.spec.finite import check_finite
 from ludus.wire.error_report import error_report
 from ludus.wire.frames import FrameType, decode_json, encode_frame, encode_json
 from ludus.wire.handshake import EngineConfig, Hello, welcome
@@ -179,7 +179,7 @@ class EngineSession:
             self._state.receive(FrameType.BATCH)
             batches = self._decoder.decode(num_bytes)
             self._num_steps = 0 if self._decoder.is_reset else self._num_steps + 1
-            if not self._decoder.is_surely_finite():
+            if not self._decoder.all_finite_fast():
                 check_finite(self._policies, batches, self._num_steps)
             self._supervision.check_script_errors()
         except BaseException as error:
