@@ -41,13 +41,13 @@ def test_every_type_has_a_golden_frame() -> None:
     assert {golden.type for golden in ALL} == set(FrameType)
 
 
-def test_every_file_is_half_of_a_pair() -> None:
+def test_every_frame_has_a_description_and_bytes() -> None:
     described = {path.stem for path in FOLDER.glob("*.json")}
     assert {path.stem for path in FOLDER.glob("*.bin")} == described
 
 
 @pytest.mark.parametrize("golden", ALL, ids=by_name)
-def test_written(golden: Golden) -> None:
+def test_encoding_gives_the_golden_bytes(golden: Golden) -> None:
     assert golden.encode() == golden.frame
 
 
