@@ -70,7 +70,7 @@ def test_strangers_are_told_and_dropped(start: Start, data: bytes) -> None:
     running = start()
     stranger, game = running.client(), running.client()
     stranger.send(data)
-    assert "hint: something that is no godot-ai game" in stranger.receive()["error"]
+    assert "hint: something other than a godot-ai game" in stranger.receive()["error"]
     assert stranger.is_dropped()
     assert game.init() == DONE
 

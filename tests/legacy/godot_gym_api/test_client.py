@@ -243,7 +243,7 @@ def test_actions_that_do_not_fit(opener: Opener, action: Any) -> None:
 def test_requests_that_are_no_json(opener: Opener, action: Any) -> None:
     with playing(answering(Walk())) as address:
         client = opener.client(engine_address=address)
-        with pytest.raises(ActionError, match="no JSON"):
+        with pytest.raises(ActionError, match="not JSON"):
             client.step(action, ALL)
         assert client.step(0.5, ALL)["agent"].place == 0.5
         client.close()
@@ -289,8 +289,8 @@ def test_configurations_that_cannot_be_used(opener: Opener) -> None:
     [
         (spaces.Box(0, 1, ()), {"far": 1}, "neither agent nor world sent a field called 'place'"),
         (spaces.Box(0, 1, (2,)), {"place": [1]}, r"shape \[1\] instead of \[2\]"),
-        (spaces.Box(0, 1, (2,)), {"place": [1, None]}, "something that is no number: None"),
-        (spaces.Box(0, 1, (2,)), {"place": "ab"}, "something that is no number: 'ab'"),
+        (spaces.Box(0, 1, (2,)), {"place": [1, None]}, "something that is not a number: None"),
+        (spaces.Box(0, 1, (2,)), {"place": "ab"}, "something that is not a number: 'ab'"),
         (spaces.Box(0, 1, (2,)), {"place": {"$bytes": "AAAA"}}, r"shape \[3\] instead of \[2\]"),
         (spaces.Box(0, 1, (2,)), {"place": [1, float("nan")]}, r"nan at \[1\]"),
     ],

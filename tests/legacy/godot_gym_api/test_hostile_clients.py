@@ -128,7 +128,10 @@ def read_answer(connection: socket.socket) -> dict[str, object]:
         (b"\xff\xff\xff\xff", "a request of 4294967295 bytes"),
         (b"\x01\0\0\x01", "a request of 16777217 bytes"),
         (b"GET / HTTP/1.1\r\n\r\n", "a request of 542393671 bytes"),
-        (frame(b"this is no JSON"), "a request must be a JSON object, this came: this is no JSON"),
+        (
+            frame(b"this is text"),
+            "a request must be a JSON object, this came: this is text",
+        ),
         (frame(b"[1]"), "a request must be a JSON object, this came: [1]"),
         (frame(b'{"action": NaN, "observation": {}}'), "a request must be a JSON object"),
         (frame(b"\xff\xfe\0\0"), "a request must be a JSON object"),

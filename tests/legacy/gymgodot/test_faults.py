@@ -46,7 +46,7 @@ def step_until_wrong(env: gymnasium.Env[Any, Any]) -> None:
     ("name", "kind", "what"),
     [
         ("hang_up", EngineCrashed, "the game closed the connection: the process ended with exit"),
-        ("nonsense", ProtocolError, "no JSON .*this is no JSON"),
+        ("nonsense", ProtocolError, "not JSON .*this is not JSON"),
         ("list", ProtocolError, r"must send a JSON object, not \[1, 2\]"),
         ("binary", ProtocolError, "a binary message came"),
         ("huge", ProtocolError, "too long"),
@@ -68,7 +68,7 @@ def test_a_wrong_answer(opener: Opener, name: str, kind: type[EngineError], what
         ("nan", r"observation does not fit observation_space: nan at \[1\]"),
         ("short", r"shape \[1\] instead of \[2\]"),
         ("ragged", "lists of different lengths"),
-        ("null", "something that is no number: None"),
+        ("null", "something that is not a number: None"),
     ],
 )
 def test_a_wrong_observation(opener: Opener, name: str, what: str) -> None:

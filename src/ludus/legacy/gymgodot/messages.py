@@ -99,7 +99,7 @@ def _object(message: bytes) -> dict[str, Any]:
         answer: Any = parse_godot_json(message)
     except ValueError as error:
         raise ProtocolError(
-            f"the game sent something that is no JSON ({error}): {_shown(message)}", _HINT
+            f"the game sent something that is not JSON ({error}): {_shown(message)}", _HINT
         ) from error
     if not isinstance(answer, dict):
         raise ProtocolError(f"the game must send a JSON object, not {_shown(answer)}", _HINT)
