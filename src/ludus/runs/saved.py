@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from ludus.networks.load_tensors import load_tensors
 from ludus.networks.policy import Policy
+from ludus.networks.tensors import load_tensors
 from ludus.runs.checkpoint import Checkpoint, check_spec, read_checkpoint
 from ludus.runs.run_folder import RunFolder
 from ludus.settings.merging import saved_policy
