@@ -153,7 +153,7 @@ def test_whole_floats_count_as_integers(client: Client) -> None:
         ({"hidden_size": 16_000, "num_critic_layers": 60}, "parameters"),
     ],
 )
-def test_a_wrong_init(client: Client, changes: dict[str, Any], message: str) -> None:
+def test_wrong_init_changes_nothing(client: Client, changes: dict[str, Any], message: str) -> None:
     answer = client.init(**{"file_name": "other", **changes})
     assert answer["done"] is False
     assert message in answer["error"]
@@ -161,13 +161,13 @@ def test_a_wrong_init(client: Client, changes: dict[str, Any], message: str) -> 
     assert client.train(1) == DONE  # hero has not noticed
 
 
-def test_a_missing_field(client: Client) -> None:
+def test_missing_field_is_named(client: Client) -> None:
     answer = client.ask("init", file_name="other")
     assert answer["error"].startswith("init: state_dim is missing; it has command, file_name")
 
 
 @pytest.mark.parametrize("command", ["fly", "", None, 3, ["init"], {}])
-def test_an_unknown_command(client: Client, command: Any) -> None:
+def test_unknown_command_lists_the_known(client: Client, command: Any) -> None:
     client.send(json.dumps({"command": command}).encode())
     assert "there is no command" in client.receive()["error"]
     client.send(b"{}")
@@ -184,7 +184,7 @@ def test_an_unknown_command(client: Client, command: Any) -> None:
         ("get_action", {"state": STATE}, "action"),
     ],
 )
-def test_an_unknown_agent(client: Client, command: str, values: Any, key: str) -> None:
+def test_unknown_agent_lists_the_known(client: Client, command: str, values: Any, key: str) -> None:
     answer = client.ask(command, file_name="nobody", **values)
     assert "there is no agent 'nobody'; agents: hero" in answer["error"]
     assert key in answer, "an unmodified game reads it"
@@ -204,7 +204,7 @@ def test_an_unknown_agent(client: Client, command: str, values: Any, key: str) -
         ("123", "hero must be a list of numbers"),
     ],
 )
-def test_wrong_states(client: Client, states: Any, message: str) -> None:
+def test_wrong_states_get_zero_actions(client: Client, states: Any, message: str) -> None:
     client.init(file_name="target")
     answer = client.act({"hero": states, "target": STATE}, {})
     assert message in answer["error"]
@@ -216,7 +216,7 @@ def test_wrong_states(client: Client, states: Any, message: str) -> None:
 
 
 @pytest.mark.parametrize("state", [[1.0], STATE * 2, [1.0, None, 2.0], [], None, {}])
-def test_a_wrong_state_of_one_agent(client: Client, state: Any) -> None:
+def test_wrong_state_gets_a_zero_action(client: Client, state: Any) -> None:
     answer = client.ask("get_action", file_name="hero", state=state)
     assert "state" in answer["error"]
     assert answer["action"] == [0.0, 0.0]
@@ -229,7 +229,7 @@ def test_states_of_an_unknown_agent(client: Client) -> None:
 
 
 @pytest.mark.parametrize("table", [3, {"hero": "yes"}])
-def test_a_wrong_map(client: Client, table: Any) -> None:
+def test_wrong_deterministic_map_is_named(client: Client, table: Any) -> None:
     assert "deterministic_map" in client.act({"hero": STATE}, table)["error"]
 
 
@@ -263,7 +263,7 @@ def test_wrong_replays_are_left_out_and_the_others_kept(
 
 
 @pytest.mark.parametrize("rows", [3, None, {}])
-def test_no_list_of_replays(client: Client, rows: Any) -> None:
+def test_replays_must_be_a_list(client: Client, rows: Any) -> None:
     assert "replays must be a list" in client.submit(rows)["error"]
 
 
@@ -276,11 +276,11 @@ def test_a_replay_that_is_no_object_or_lacks_a_part(client: Client) -> None:
 
 
 @pytest.mark.parametrize("steps", [-1, 1e300, None, "1", 0.5])
-def test_wrong_steps(client: Client, steps: Any) -> None:
+def test_steps_must_be_a_count(client: Client, steps: Any) -> None:
     assert "train: steps must be" in client.train(steps)["error"]
 
 
-def test_a_wrong_checkpoint_name(client: Client) -> None:
+def test_checkpoint_name_must_be_a_name(client: Client) -> None:
     client.submit(replays(20))
     assert "checkpoint_name" in client.train(1, checkpoint_name="../x")["error"]
     assert client.train(1, checkpoint_name="") == DONE
@@ -324,7 +324,7 @@ def test_a_bulk_folder_that_leads_outside_is_not_written_to(client: Client, tmp_
         (b"[" * 100_000, "is not JSON"),
     ],
 )
-def test_broken_files(client: Client, content: bytes, message: str) -> None:
+def test_broken_files_give_no_actions(client: Client, content: bytes, message: str) -> None:
     client.act({"hero": STATE}, {})
     (client.project / STATES).write_bytes(content)
     answer = client.ask("get_batch_actions", path=STATES, deterministic_map={})
@@ -333,7 +333,7 @@ def test_broken_files(client: Client, content: bytes, message: str) -> None:
     assert actions == {"hero": []}, "actions of another step must not be taken for these"
 
 
-def test_missing_files(client: Client) -> None:
+def test_missing_files_are_named(client: Client) -> None:
     assert "there is no file" in client.ask("submit_batch_replay", path=REPLAYS)["error"]
     answer = client.ask("submit_batch_replay", path="AIServerCommFiles")
     assert "there is no file" in answer["error"]
