@@ -26,11 +26,16 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
-from ludus.engine import EngineKind, InstalledEngine, find_engine, importing, with_display
-from ludus.engine.debian_template import DebianTemplateRoute
-from ludus.engine.install_template import install_template
-from ludus.engine.official_template import OfficialTemplateRoute
-from ludus.engine.template import ExportTemplate
+from ludus.engine import (
+    EngineKind,
+    ExportTemplate,
+    InstalledEngine,
+    find_engine,
+    importing,
+    install_template,
+    template_installers,
+    with_display,
+)
 from ludus.errors import SetupError
 from tests.kept_imports import KeptImports
 
@@ -59,7 +64,7 @@ def godot4() -> InstalledEngine:
 def template(godot4: InstalledEngine) -> ExportTemplate:
     """The real export template; a machine that cannot get one fails these tests."""
     # Debian's first: the official archive has the templates of all platforms, ten times the size.
-    return install_template(godot4, routes=(DebianTemplateRoute(), OfficialTemplateRoute()))
+    return install_template(godot4, installers=template_installers(godot4)[::-1])
 
 
 def pytest_configure() -> None:

@@ -8,21 +8,18 @@ import subprocess
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from ludus.engine import (
     EngineProcess,
     GodotFlags,
-    InstalledEngine,
     LaunchConfig,
-    Project,
     ensure_imported,
     godot_command,
-    resolve_target,
     with_display,
 )
 from ludus.errors import GameError, TargetError
 from ludus.session.supervision import Supervision
+from ludus.target import Scene, parse_target
 
 __all__ = ["GameLaunch", "GameWatch"]
 
@@ -82,14 +79,22 @@ class GameLaunch:
         """Return the command that :meth:`start` runs; errors as there."""
         if self.target is None:
             return _end_with_us(self._shell_command(arguments))
-        project, scene, engine = _find_project(self.target)
+        scene = parse_target(self.target)
+        if not isinstance(scene, Scene):
+            raise TargetError(
+                f"{self.target} is neither a Godot project nor a scene",
+                hint="name the folder of a project or a .tscn; start anything else, such as an "
+                "exported game, with a shell command",
+            )
+        engine = scene.find_engine()
+        ensure_imported(engine, scene.project)
         flags = GodotFlags(
             headless=not self.is_windowed,
             fixed_fps=self.frames_per_second,
             user_args=arguments,
             engine_args=self._drawing,
         )
-        command = godot_command(engine, project.root, scene, flags)
+        command = godot_command(engine, scene.project.root, scene.path, flags)
         return _end_with_us(with_display(command) if self.is_windowed else command)
 
     def _shell_command(self, arguments: tuple[str, ...]) -> tuple[str, ...]:
@@ -145,21 +150,6 @@ class GameWatch(Supervision):
         """Wait for the end of the game, if it is ours."""
         if self._process is not None:
             self._process.wait(timeout_s)
-
-
-def _find_project(target: str | Path) -> tuple[Project, Any, InstalledEngine]:
-    """Return project, scene and engine of a target."""
-    found = resolve_target(target)
-    if found.project is None:
-        raise TargetError(
-            f"{target} is neither a Godot project nor a scene",
-            hint="name the folder of a project or a .tscn; start anything else, such as an "
-            "exported game, with a shell command",
-        )
-    engine = found.find_engine()
-    assert engine is not None, "a project has an engine"
-    ensure_imported(engine, found.project)
-    return found.project, found.scene, engine
 
 
 def _end_with_us(command: tuple[str, ...]) -> tuple[str, ...]:

@@ -11,9 +11,9 @@ from typing import Any
 from ludus.errors import GameError, SequenceError, UsageError
 from ludus.legacy.game import LegacyGame
 from ludus.legacy.world import POLICY, LegacyWorld, read_declaration
-from ludus.session.finite import check_finite
 from ludus.spec import PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batches, StepTimes
+from ludus.spec.finite import check_finite
 from ludus.wire.reset import ResetAction, ResetRequest
 
 __all__ = ["LegacySession"]
