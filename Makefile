@@ -1,7 +1,11 @@
-# make setup   virtual environment in .venv, package, Godot, imports
-# make demo    train the bundled CartPole in real Godot physics and evaluate it
-# make test    linters, type checker and the whole test suite, against real Godot
-# make bench   the table of docs/benchmarks.md
+# make setup       virtual environment in .venv, package, Godot 4 and Godot 3
+# make demo        train the bundled CartPole in real Godot physics and evaluate it
+# make test        the Python, Godot 4 and Godot 3 tests, against the real engines
+# make test-fast   the tests that start no engine, in less than a minute
+# make test-bevy   everything in Rust, and the Python tests with Bevy games; needs Cargo
+# make lint        formatters, linters and the type checker of every language
+# make bench       the table of docs/benchmarks.md
+# CONTRIBUTING.md says which of them is for what.
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -9,14 +13,15 @@ GODOT_PROJECT := engines/godot4
 GODOT3_PROJECT := engines/godot3
 # The linters of Godot 3's GDScript are an older version of the same package.
 BIN3 := .venv/gdtoolkit3/bin
-GDSCRIPT3 := addons examples tests ../../tests/gymgodot ../../tests/godot_gym_api
-GDSCRIPT := $(GODOT_PROJECT)/addons $(GODOT_PROJECT)/examples $(GODOT_PROJECT)/gallery $(GODOT_PROJECT)/tests src/ludus/bench src/ludus/export src/ludus/record benchmarks tests/serve tests/classic
+GDSCRIPT3 := addons examples tests ../../tests/legacy/gymgodot ../../tests/legacy/godot_gym_api
+GDSCRIPT := $(GODOT_PROJECT)/addons $(GODOT_PROJECT)/examples $(GODOT_PROJECT)/gallery $(GODOT_PROJECT)/tests src/ludus/bench src/ludus/export src/ludus/record benchmarks tests/serve tests/legacy/godot_ai
 
 # uv does not read pip's configuration; hand it the index that pip would use.
 PIP_INDEX = $(shell $(PYTHON) -m pip config get global.index-url 2>/dev/null || echo "$$PIP_INDEX_URL")
 UV_ENVIRONMENT = $(if $(strip $(PIP_INDEX)),UV_DEFAULT_INDEX=$(strip $(PIP_INDEX)))
 
 BEVY_PROJECT := engines/bevy
+CARGO_HINT := install Rust 1.95 or newer from https://rustup.rs
 # What Cargo builds is kept from one checkout to the next.
 export CARGO_TARGET_DIR ?= $(if $(XDG_CACHE_HOME),$(XDG_CACHE_HOME),$(HOME)/.cache)/ludus/cargo
 # Rustup's toolchains lie beside its programs, even where HOME is another one.
@@ -25,7 +30,7 @@ ifneq ($(RUSTUP),)
 export RUSTUP_HOME ?= $(RUSTUP)
 endif
 
-.PHONY: setup demo test screen renderers lint lint-scripts bench clean bevy bevy-cargo bevy-lint bevy-test bevy-examples
+.PHONY: setup demo test test-fast test-bevy lint lint-scripts lint-rust renderers cargo bevy-test bevy-examples bench clean
 .DELETE_ON_ERROR:
 
 setup: .venv/.ready
@@ -48,7 +53,9 @@ setup: .venv/.ready
 demo: setup
 	$(BIN)/ludus train cartpole --target-return 249
 
-lint: lint-scripts bevy-lint
+lint: lint-scripts
+	@if command -v cargo > /dev/null; then $(MAKE) --no-print-directory lint-rust; \
+	else echo "left out: the Rust linters need Cargo ($(CARGO_HINT))"; test -z "$$CI"; fi
 
 lint-scripts: .venv/.ready .venv/gdtoolkit3/.ready
 	$(BIN)/ruff check .
@@ -59,46 +66,49 @@ lint-scripts: .venv/.ready .venv/gdtoolkit3/.ready
 	cd $(GODOT3_PROJECT) && ../../$(BIN3)/gdlint $(GDSCRIPT3)
 	cd $(GODOT3_PROJECT) && ../../$(BIN3)/gdformat --check -l 100 $(GDSCRIPT3)
 
-# One after the other: Cargo lets nobody else build meanwhile.
-bevy: bevy-cargo
-	@$(MAKE) --no-print-directory bevy-lint
-	@$(MAKE) --no-print-directory bevy-test
-	@$(MAKE) --no-print-directory bevy-examples
-
-bevy-cargo:
-	@command -v cargo > /dev/null || \
-		{ echo "the Bevy crates need Cargo: install Rust 1.95 or newer from https://rustup.rs"; exit 1; }
-
-bevy-lint: bevy-cargo
+lint-rust: cargo
 	cd $(BEVY_PROJECT) && cargo fmt --check
 	cd $(BEVY_PROJECT) && cargo clippy --locked --workspace --all-features --all-targets -- -D warnings
 	cd $(BEVY_PROJECT) && RUSTDOCFLAGS='-D warnings' cargo doc --locked --workspace --all-features --no-deps
 
-# Tests in comments would look for the job server of make, in vain, and warn of that.
-bevy-test: bevy-cargo
-	cd $(BEVY_PROJECT) && MAKEFLAGS= cargo test --release --config checked.toml --locked --workspace --all-features
-
-# Those with pictures take minutes, which no test should have to wait for.
-bevy-examples: bevy-cargo
-	cd $(BEVY_PROJECT) && for example in beacon "cartpole --features view" "shooter --features view" "shooter --features pixels" \
-		rest_tiles cartpole shooter rest_cartpole; \
-		do cargo build --release --locked --package $$example || exit 1; done
-
-# Else the tests with pictures would fail, an hour later.
-screen:
-	@test "$$(uname)" != Linux || test -n "$$DISPLAY$$WAYLAND_DISPLAY" || command -v xvfb-run > /dev/null || \
-		{ echo "the tests with pictures need a screen, or Xvfb: apt install xvfb xauth"; exit 1; }
-
-renderers: setup
+# What opening a window takes includes what runs without one, so this comes in place of `setup`.
+renderers: .venv/.ready
 	@$(BIN)/ludus engine install godot4 --rendering
 	@$(BIN)/ludus engine install godot3 --rendering
 
-# Cargo often has work for one core only, so that the rest goes on beside it. So do the tests, many
-# of which wait for deadlines; a file stays with one process, as its games do.
-test: screen
-	@$(MAKE) --no-print-directory --jobs=2 bevy renderers lint-scripts
-	$(BIN)/pytest --numprocesses=2 --dist=loadfile -m 'not alone'
-	$(BIN)/pytest -m alone
+# A file stays with one process, as its games do. Files in their own order end with the wire's
+# many short ones, so that no process has a long one left when the other is done.
+PYTEST_PARALLEL = $(BIN)/pytest --numprocesses=2 --dist=loadfile --no-loadscope-reorder
+
+# The last run names what was left out.
+test: renderers
+	@failed=0; set -x; \
+	$(BIN)/pytest -m 'alone and not bevy' || failed=1; \
+	$(PYTEST_PARALLEL) -m 'not alone and not bevy' || failed=1; \
+	exit $$failed
+
+test-fast: .venv/.ready
+	$(PYTEST_PARALLEL) -m 'not engine and not screen and not slow'
+
+# One after the other: Cargo lets nobody else build meanwhile.
+test-bevy: cargo renderers
+	@$(MAKE) --no-print-directory bevy-test
+	@$(MAKE) --no-print-directory bevy-examples
+	$(BIN)/pytest -m 'bevy and alone'
+	$(PYTEST_PARALLEL) -m 'bevy and not alone'
+
+cargo:
+	@command -v cargo > /dev/null || { echo "the Bevy crates need Cargo: $(CARGO_HINT)"; exit 1; }
+
+# Tests in comments would look for the job server of make, in vain, and warn of that.
+bevy-test: cargo
+	cd $(BEVY_PROJECT) && MAKEFLAGS= cargo test --release --config checked.toml --locked --workspace --all-features
+
+# Those with pictures take minutes, which no test should have to wait for.
+bevy-examples: cargo
+	cd $(BEVY_PROJECT) && for example in beacon "cartpole --features view" "shooter --features view" "shooter --features pixels" \
+		rest_tiles cartpole shooter rest_cartpole; \
+		do cargo build --release --locked --package $$example || exit 1; done
 
 bench: setup
 	$(BIN)/python benchmarks/godot4.py

@@ -16,9 +16,9 @@ import torch
 from algorithms_tasks import TASKS, Task, our_run, save, their_model
 
 from ludus.play.evaluation import evaluate
-from ludus.pool.gymnasium_pool import GymnasiumPool
+from ludus.play.players import load_player
+from ludus.pool import PoolConfig, open_pool
 from ludus.runs.checkpoint import read_checkpoint
-from ludus.runs.saved import load_policies
 
 Curve = dict[int, float]
 """Mean return of an evaluation, by agent steps."""
@@ -49,14 +49,14 @@ class Curves:
 
 def our_curve(task: Task, seed: int, options: Curves) -> tuple[Curve, float]:
     """Train, then evaluate every checkpoint; return the curve and the seconds of training."""
-    pool = GymnasiumPool(task.env_id, num_worlds=options.episodes)
+    pool = open_pool(f"gym:{task.env_id}", PoolConfig(num_worlds=options.episodes))
     with tempfile.TemporaryDirectory() as folder:
         result = our_run(task, seed, options.threads, Path(folder))
         curve: Curve = {}
         for path in sorted((result.run / "checkpoints").glob("step-*")):
             steps = read_checkpoint(path).agent_steps
-            policies = load_policies(path, pool.policies)
-            curve[steps] = evaluate(policies, pool, options.episodes, seed=99)["agent"].mean_return
+            act = load_player([path], pool, seed=99)
+            curve[steps] = evaluate(act, pool, options.episodes, seed=99)["agent"].mean_return
     pool.close()
     return dict(sorted(curve.items())), result.wall_s
 

@@ -17,7 +17,8 @@ from ludus.training.progress import RunResult
 PPO_DEFAULTS = PPOConfig(
     hidden_sizes=(64, 64), activation="tanh", learning_rate=3e-4, rollout_steps=2048,
     learning_rate_schedule="constant", minibatch_size=64, epochs=10, initial_log_std=0.0,
-    value_coefficient=1.0, normalise_observation=False, scale_reward=False,
+    value_coefficient=1.0, entropy_coefficient=0.0, normalise_observation=False,
+    scale_reward=False,
 )  # fmt: skip
 """Those of Stable-Baselines3. Its value loss lacks our factor 1/2, hence the coefficient."""
 

@@ -31,7 +31,7 @@ import tyro
 
 import ludus
 from ludus.engine import EngineKind, ensure_imported, find_engine, read_project
-from ludus.legacy.addon import install_classic
+from ludus.legacy.addon import install_legacy_addon
 from ludus.legacy.godot_gym_api import GodotClient
 from ludus.pool import PoolConfig, open_pool
 from ludus.spec.batch import ActionBatch
@@ -73,7 +73,7 @@ def make_games(peer: Path, folder: Path) -> Games:
     for project in projects.values():
         shutil.copytree(peer / "examples/apple_seeker/godot", project)
         shutil.copytree(peer / "godot_addon", project / "addons", dirs_exist_ok=True)
-    install_classic(projects["ours"])
+    install_legacy_addon(projects["ours"])
     for project in projects.values():
         ensure_imported(find_engine(EngineKind.GODOT3), read_project(project))
     return Games(**projects, messages=import_module("message_pb2"))

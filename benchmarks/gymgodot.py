@@ -101,7 +101,7 @@ def their_rate(options: Options) -> float:
     return float(output.split("steps/s")[1].split()[0])
 
 
-def dialect_rate(options: Options) -> float:
+def bridge_rate(options: Options) -> float:
     """Step the same unmodified project through ``ludus/GymGodot-v0``."""
     env: Any = gymnasium.make(
         "ludus/GymGodot-v0",
@@ -154,7 +154,7 @@ def many_rate(options: Options) -> float:
 
 CASES: dict[str, Callable[[Options], float]] = {
     "GymGodot": their_rate,
-    "Ludus, GymGodot's unmodified project": dialect_rate,
+    "Ludus, GymGodot's unmodified project": bridge_rate,
     "Ludus, godot3:cartpole, one environment": single_rate,
     "Ludus, godot3:cartpole, 64 worlds × 2 engines": many_rate,
 }

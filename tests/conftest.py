@@ -1,27 +1,57 @@
-"""A skipped engine test fails the run: a machine without an engine must not look healthy.
+"""What every run of the tests says at its end, and what is different while a test runs.
 
-A busy machine, or a shell that starts the tests in the background, changes nothing.
+A test without the mark ``engine`` finds no engine. A test with the mark ``screen`` is left out
+where nothing can be drawn; the last lines of the run name what was left out and what brings it.
+With ``CI=true`` a run that left anything out has failed.
+
+Imports of Godot projects are kept (see `kept_imports`).
+
+A busy machine, or a shell that starts the tests in the background, changes nothing. Nor does
+chance: every test starts from the same random numbers.
 """
 
 from __future__ import annotations
 
+import os
+import random
+import secrets
 import signal
+import sys
+import tempfile
+from collections import Counter
+from functools import cache
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
-from ludus.engine import EngineKind, InstalledEngine, find_engine
-from ludus.engine.debian_template import DebianTemplateRoute
-from ludus.engine.install_template import install_template
-from ludus.engine.official_template import OfficialTemplateRoute
-from ludus.engine.template import ExportTemplate
+from ludus.engine import (
+    EngineKind,
+    ExportTemplate,
+    InstalledEngine,
+    find_engine,
+    importing,
+    install_template,
+    template_installers,
+    with_display,
+)
+from ludus.errors import SetupError
+from tests.kept_imports import KeptImports
 
-_skipped: list[str] = []
+_left_out: Counter[str] = Counter()
+_patches = pytest.StashKey[pytest.MonkeyPatch]()
 
-# How long an example takes says more about the machine than about what is tested.
-settings.register_profile("ludus", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+# How long an example takes says more about the machine than about what is tested. The examples are
+# the same in every run; `--hypothesis-profile=default` looks for new ones.
+settings.register_profile(
+    "ludus", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.load_profile("ludus")
+
+# Seeds that nobody chose come from here in Ludus, too.
+_seeds = random.Random()
+secrets.randbits = _seeds.getrandbits
 
 
 @pytest.fixture(scope="session")
@@ -34,7 +64,7 @@ def godot4() -> InstalledEngine:
 def template(godot4: InstalledEngine) -> ExportTemplate:
     """The real export template; a machine that cannot get one fails these tests."""
     # Debian's first: the official archive has the templates of all platforms, ten times the size.
-    return install_template(godot4, routes=(DebianTemplateRoute(), OfficialTemplateRoute()))
+    return install_template(godot4, installers=template_installers(godot4)[::-1])
 
 
 def pytest_configure() -> None:
@@ -43,19 +73,74 @@ def pytest_configure() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Leave out what cannot be drawn, and hide the engines from whoever should not start any."""
+    if item.get_closest_marker("screen") and (reason := _why_nothing_is_drawn()):
+        pytest.skip(reason)
+    _seed_generators()
+    patch = item.stash[_patches] = pytest.MonkeyPatch()
+    if not item.nodeid.startswith("tests/engine/"):  # there, the import itself is tested
+        patch.setattr("ludus.engine.importing._run_import", _kept_imports(item.config).run)
+    if not (item.get_closest_marker("engine") or item.get_closest_marker("screen")):
+        patch.setenv("XDG_CACHE_HOME", _empty_cache().name)
+        for variable in ("LUDUS_GODOT", "LUDUS_GODOT3"):
+            patch.delenv(variable, raising=False)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown(item: pytest.Item) -> None:
+    """Take back what the test saw differently."""
+    if _patches in item.stash:
+        item.stash[_patches].undo()
+
+
+@cache
+def _kept_imports(config: pytest.Config) -> KeptImports:
+    folder = config.rootpath / ".pytest_cache" / "godot_imports"
+    folder.mkdir(parents=True, exist_ok=True)
+    return KeptImports(folder, getattr(importing, "_run_import"))  # noqa: B009 - it is private
+
+
+@cache
+def _empty_cache() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="ludus-no-engine-")
+
+
+@cache
+def _why_nothing_is_drawn() -> str:
+    """Return why no window can be opened, and what helps; empty if one can."""
+    try:
+        with_display(("true",))
+    except SetupError as error:
+        return f"{error.message}; {error.hint}"
+    return ""
+
+
+def _seed_generators() -> None:
+    """Seed all generators, before the fixtures of the test's module draw anything."""
+    _seeds.seed(1)
+    random.seed(1)
+    np.random.seed(1)
+    if (torch := sys.modules.get("torch")) is not None:
+        torch.manual_seed(1)
+
+
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Note every engine test that was skipped."""
-    if report.skipped and "engine" in report.keywords:
-        _skipped.append(report.nodeid)
+    """Count the tests that were left out, by reason."""
+    if report.skipped and isinstance(report.longrepr, tuple):
+        _left_out[report.longrepr[2].removeprefix("Skipped: ")] += 1
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Fail a run that was all right but for skipped engine tests."""
-    if _skipped and session.exitstatus == pytest.ExitCode.OK:
+    """Fail a run that was all right but for what it left out, where nothing may be."""
+    if _left_out and os.environ.get("CI") == "true" and session.exitstatus == pytest.ExitCode.OK:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
+@pytest.hookimpl(trylast=True)
 def pytest_terminal_summary(terminalreporter: Any) -> None:
-    """Say which ones."""
-    for test in _skipped:
-        terminalreporter.write_line(f"FAILED: engine test skipped: {test}")
+    """Say what was left out, and why."""
+    for reason, count in _left_out.items():
+        verdict = "FAILED, left out" if os.environ.get("CI") == "true" else "left out"
+        terminalreporter.write_line(f"{verdict}: {count} tests: {reason}")

@@ -57,13 +57,15 @@ def file_lock(path: Path, timeout_s: float) -> Generator[None, None, None]:
         OSError: The file cannot be created.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
+    owner = os.getpid()
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
     try:
         _wait_for(descriptor, path, timeout_s)
         try:
             yield
         finally:
-            _unlock(descriptor)
+            if os.getpid() == owner:  # a forked copy shares the lock, and would free it for both
+                _unlock(descriptor)
     finally:
         os.close(descriptor)
 
@@ -71,7 +73,7 @@ def file_lock(path: Path, timeout_s: float) -> Generator[None, None, None]:
 def _wait_for(descriptor: int, path: Path, timeout_s: float) -> None:
     deadline = time.monotonic() + timeout_s
     while not _try_lock(descriptor):
-        if time.monotonic() > deadline:
+        if time.monotonic() >= deadline:
             raise LockHeld(
                 f"another process has held {path} for {timeout_s:.0f} s",
                 hint="wait for it, or end it if it hangs",

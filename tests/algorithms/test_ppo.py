@@ -57,8 +57,10 @@ CONFIG = PPOConfig(hidden_sizes=(8,), rollout_steps=4, minibatch_size=4, scale_r
 def learner(config: PPOConfig = CONFIG) -> PPO:
     with torch.random.fork_rng(devices=[]):  # pyright: ignore[reportUnknownMemberType]
         torch.manual_seed(0)  # pyright: ignore[reportUnknownMemberType]
-        policy = Policy(SPEC, config)
-    return PPO(policy, config, LearnerSettings([slice(0, 2)], seed=1))
+        ppo = PPO(Policy(SPEC, config), config, LearnerSettings([slice(0, 2)], seed=1))
+        # A new critic says 0 everywhere, which would hide where a value is missing.
+        torch.nn.init.normal_(ppo._critic[-1].weight)  # pyright: ignore[reportPrivateUsage, reportArgumentType]
+    return ppo
 
 
 def batch(random: np.random.Generator, **changes: Any) -> Batch:
@@ -126,7 +128,10 @@ def test_advantages_respect_ends_and_silent_slots() -> None:
 
 def test_first_gradient_is_that_of_the_policy_gradient() -> None:
     """At ratio 1 the clipped objective has the gradient of ``A * log pi``, equation 1."""
-    config = replace(CONFIG, value_coefficient=0.0, normalise_advantage=False, max_grad_norm=1e9)
+    config = replace(
+        CONFIG, value_coefficient=0.0, entropy_coefficient=0.0, normalise_advantage=False,
+        max_grad_norm=1e9,
+    )  # fmt: skip
     ppo, random = learner(config), np.random.default_rng(0)
     ppo.begin(0, batch(random))
     for _ in range(4):
@@ -187,6 +192,23 @@ def test_a_rollout_without_active_slots_changes_nothing() -> None:
     before = [parameter.clone() for parameter in ppo.policy.parameters()]
     assert ppo.update(0.0)["num_transitions"] == 0
     assert all(torch.equal(a, b) for a, b in zip(before, ppo.policy.parameters(), strict=True))
+
+
+def test_without_rewards_the_actor_keeps_exploring() -> None:
+    """A critic with random values would push the actor away from uniform here."""
+    config = PPOConfig(hidden_sizes=(8,), rollout_steps=4, entropy_coefficient=0.0)
+    ppo = PPO(Policy(SPEC, config), config, LearnerSettings([slice(0, 2)], seed=1))
+    random, silent = np.random.default_rng(0), {"reward": np.zeros(2, np.float32)}
+    before = [parameter.clone() for parameter in ppo.policy.actor.parameters()]
+    ppo.begin(0, batch(random, **silent))
+    for _ in range(3):
+        for _ in range(4):
+            ppo.act(0)
+            ppo.record(0, batch(random, **silent))
+        ppo.update(0.0)
+    assert all(
+        torch.equal(a, b) for a, b in zip(before, ppo.policy.actor.parameters(), strict=True)
+    )
 
 
 def test_a_restored_learner_continues_to_the_bit() -> None:

@@ -18,7 +18,7 @@ from ludus.spec.batch import ActionBatch, Batch
 from ludus.wire.reset import ResetRequest
 from tests.bevy.conftest import TARGET, Open
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(180, func_only=True)]
+pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(180, func_only=True)]
 
 
 def reset(session: EngineSession, seed: int = 0, **parameters: float) -> Batch:

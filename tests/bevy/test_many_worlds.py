@@ -12,7 +12,7 @@ from ludus.spec.batch import ActionBatch, Batch
 from ludus.wire.reset import ResetRequest
 from tests.bevy.conftest import Open
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(180, func_only=True)]
+pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(180, func_only=True)]
 
 NUM_WORLDS = 16_384
 NUM_COMPARED = 8

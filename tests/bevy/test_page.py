@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from ludus.check import CheckConfig, CheckReport, Status, run_checks
-from tests.gymgodot.conftest import ROOT
+from tests.legacy.gymgodot.conftest import ROOT
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(600, func_only=True)]
+pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(600, func_only=True)]
 
 PAGE = (ROOT / "docs/bevy.md").read_text()
 WORKSPACE = ROOT / "engines/bevy"

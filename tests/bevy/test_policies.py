@@ -29,10 +29,10 @@ from tests.actions import zeros
 from tests.bevy.conftest import TARGET, processes
 from tests.export.test_godot import ATARI
 from tests.export.trained_runs import MIXED, SIMPLE, make_policy
-from tests.gymgodot.conftest import left_processes
+from tests.legacy.gymgodot.conftest import left_processes
 from tests.model.golden import model_path
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(180, func_only=True)]
+pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(180, func_only=True)]
 
 DEADLINE_S = 60.0
 PREFIX = "ludus-episode "

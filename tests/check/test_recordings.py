@@ -1,8 +1,6 @@
-"""Random actions, recordings and their comparison, on made-up frames; no engine."""
+"""Recordings and their comparison, on made-up frames; no engine."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +11,6 @@ from ludus.check.finding import Status
 from ludus.check.frame_rules import RULES, apply_rule
 from ludus.check.observations import ranges
 from ludus.check.recording import Frame, Recording
-from ludus.play.random_actions import RandomActions
 from ludus.spec import (
     AgentSpec,
     ContinuousAction,
@@ -55,33 +52,6 @@ def make_recording(num_steps: int = 40, noise: float = 0.0) -> Recording:
             batch.final_observation = {k: v[:2].copy() for k, v in batch.observation.items()}
         frames.append(Frame(2 * step, {"hero": batch}))
     return Recording(spec, 5, tuple(frames))
-
-
-def test_a_world_gets_the_same_actions_alone_and_among_others() -> None:
-    spec = make_spec()
-    own = replace(spec.policies[0], agents=spec.policies[0].agents[:2])
-    alone = replace(spec, num_worlds=1, policies=(own,))
-    batches = {"hero": Batch.allocate(spec.policies[0], 2 * NUM_WORLDS)}
-    together = RandomActions(spec, range(10, 10 + NUM_WORLDS), 5).at(3, batches)["hero"]
-    single = RandomActions(alone, [13], 5).at(3, batches)["hero"]
-    np.testing.assert_array_equal(together.discrete[6:8], single.discrete)
-    np.testing.assert_array_equal(together.continuous[6:8], single.continuous)
-    assert len(np.unique(together.continuous)) == together.continuous.size
-
-
-def test_actions_cover_their_ranges_and_keep_to_masks() -> None:
-    spec = make_spec(has_action_mask=True)
-    batch = Batch.allocate(spec.policies[0], 2 * NUM_WORLDS)
-    assert batch.action_mask is not None
-    batch.action_mask[:] = [False, True, False, True]
-    script = RandomActions(spec, range(NUM_WORLDS), 50)
-    actions = [script.at(step, {"hero": batch})["hero"] for step in range(50)]
-    choices = np.concatenate([action.discrete for action in actions])
-    numbers = np.concatenate([action.continuous for action in actions])
-    assert set(choices[:, 0].tolist()) == {1, 3}
-    assert (numbers >= [-1, 2]).all()
-    assert (numbers <= [1, 6]).all()
-    assert np.ptp(numbers, axis=0).tolist() > [1.8, 3.6]
 
 
 def test_the_first_difference_is_found_to_the_bit() -> None:

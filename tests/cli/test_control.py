@@ -55,6 +55,7 @@ def wait_until(is_so: Callable[[], bool]) -> None:
         time.sleep(0.05)
 
 
+@pytest.mark.slow
 def test_a_running_run_is_frozen_saved_and_stopped(
     running: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -77,6 +78,7 @@ def test_a_running_run_is_frozen_saved_and_stopped(
     assert "no run in runs is running" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_what_the_run_does_not_know_is_refused(
     running: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -95,6 +97,7 @@ def test_what_the_run_does_not_know_is_refused(
     assert running.poll() is None
 
 
+@pytest.mark.slow
 def test_requests_are_withdrawn_when_the_run_dies(
     running: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -64,6 +64,7 @@ def test_a_corrupt_run_is_refused(run: Path, capsys: pytest.CaptureFixture[str])
     assert f"{checkpoint} is corrupt" in error and "hint: " in error
 
 
+@pytest.mark.slow
 def test_onnx_that_is_not_installed_is_named(run: Path) -> None:
     code = (
         "import sys; sys.modules['onnx'] = None\n"

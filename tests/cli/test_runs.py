@@ -88,6 +88,7 @@ def test_a_file_is_no_folder(runs: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert "cannot list" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_killed_run_has_crashed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     typed = [*SMALL, "--runs", str(tmp_path), "--name", "r", "--total-steps", "100000000"]
     child = subprocess.Popen(

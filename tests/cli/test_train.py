@@ -150,34 +150,6 @@ def test_train_evaluate_resume(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert json.loads(capsys.readouterr().out)["agent_steps"] == 512
 
 
-def test_evaluate_draws_actions_and_counts_goals(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["train", TARGET, *SMALL, "--runs", str(tmp_path), "--name", "r", "--json"]) == 0
-    evaluate = ["evaluate", str(tmp_path / "r"), "--episodes", "6"]
-    capsys.readouterr()
-    results: dict[str, dict[str, Any]] = {}
-    for how, options in {
-        "probable": [],
-        "all": ["--stochastic"],
-        "named": ["--stochastic", "agent"],
-    }.items():
-        assert main([*evaluate, *options, "--json"]) == 0
-        results[how] = json.loads(capsys.readouterr().out)["policies"]["agent"]
-    assert results["all"] == results["named"] != results["probable"]
-
-    middle = sorted(results["all"]["returns"])[3]
-    assert main([*evaluate, "--stochastic", "--goal-return", str(middle), "--json"]) == 0
-    counted = json.loads(capsys.readouterr().out)["policies"]["agent"]
-    share = sum(each >= middle for each in counted["returns"]) / 6
-    assert counted["share_reaching"] == share < 1.0
-    assert main([*evaluate, "--stochastic", "--goal-return", str(middle)]) == 0
-    assert f"{share:.1%}" in capsys.readouterr().out
-
-    assert main([*evaluate, "--stochastic", "nobody"]) != 0
-    assert "there is no policy 'nobody'" in capsys.readouterr().err
-
-
 def test_a_run_that_exists_is_not_overwritten(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -186,6 +158,7 @@ def test_a_run_that_exists_is_not_overwritten(
     assert "exists already" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("signum", "exit_code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_saves_and_says_how_to_go_on(signum: int, exit_code: int, tmp_path: Path) -> None:
     arguments = [*SMALL, "--runs", str(tmp_path), "--name", "r", "--total-steps", "100000000"]

@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import pytest
 
-from tests.gymgodot.conftest import left_processes
+from tests.legacy.gymgodot.conftest import left_processes
 
 NOTEBOOK = Path(__file__).parents[2] / "docs" / "gymgodot.ipynb"
 MAX_BYTES = 1_000_000

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import socket
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
-from ludus.engine.affinity import CorePlan, allowed_cores, plan_cores
+from ludus.engine import affinity
+from ludus.engine.affinity import CorePlan, allowed_cores, plan_cores, reserve_cores
 
 
 @pytest.mark.parametrize(
@@ -43,23 +48,111 @@ def test_without_pinning_there_is_no_plan(monkeypatch: pytest.MonkeyPatch) -> No
     assert plan_cores(2) == CorePlan((None, None), None)
 
 
-def test_whole_process_is_pinned() -> None:
-    code = """
-import os, threading
-from ludus.engine.affinity import pin_current_process
-gate = threading.Barrier(2)
-seen = []
-def look():
-    gate.wait(); gate.wait()
-    seen.append(sorted(os.sched_getaffinity(0)))
-thread = threading.Thread(target=look)
-thread.start()
-gate.wait()
-pin_current_process(None)
-core = max(os.sched_getaffinity(0))
-pin_current_process((core,))
-gate.wait()
-thread.join()
-assert seen == [[core]] == [sorted(os.sched_getaffinity(0))], seen
+HOLDER = """
+import sys
+from ludus.engine import affinity
+affinity.allowed_cores = lambda: (4, 6)
+cores = affinity.reserve_cores(int(sys.argv[1]))
+print([core for core, in cores.plan.engines], flush=True)
+sys.stdin.readline()
+cores.close()
+print("closed", flush=True)
+sys.stdin.readline()
 """
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+@pytest.fixture
+def two_cores(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder of the locks, in a cache of its own, on a machine with cores 4 and 6."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(affinity, "allowed_cores", lambda: (4, 6))
+    return tmp_path / "ludus" / "cores" / socket.gethostname()
+
+
+@pytest.fixture
+def hold() -> Iterator[Callable[[int], subprocess.Popen[str]]]:
+    """Return what starts another process with a pool of that many engines."""
+    with contextlib.ExitStack() as processes:
+
+        def start(num_engines: int) -> subprocess.Popen[str]:
+            pipe = subprocess.PIPE
+            command = [sys.executable, "-c", HOLDER, str(num_engines)]
+            process = processes.enter_context(
+                subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)
+            )
+            processes.callback(process.kill)
+            return process
+
+        yield start
+
+
+def read(process: subprocess.Popen[str]) -> str:
+    assert process.stdout is not None
+    return process.stdout.readline().strip()
+
+
+def go_on(process: subprocess.Popen[str]) -> None:
+    assert process.stdin is not None
+    process.stdin.write("\n")
+    process.stdin.flush()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="pinning")
+@pytest.mark.usefixtures("two_cores")
+def test_processes_take_different_cores(hold: Callable[[int], subprocess.Popen[str]]) -> None:
+    first, second = hold(1), hold(1)
+    assert sorted([read(first), read(second)]) == ["[4]", "[6]"]
+    third = hold(2)
+    assert read(third) == "[4, 6]"  # all are taken: shared as ever
+    go_on(second)
+    assert read(second) == "closed"
+    first.kill()
+    first.wait()
+    with reserve_cores(3) as cores:
+        assert cores.plan == CorePlan(((4,), (6,), (4,)), (4, 6))
+
+
+@pytest.mark.usefixtures("two_cores")
+def test_pools_of_one_process_take_different_cores() -> None:
+    with reserve_cores(1) as first:
+        assert first.plan == CorePlan(((4,),), (6,))
+        second = reserve_cores(1)
+        assert second.plan == CorePlan(((6,),), (4, 6))
+        second.close()
+        second.close()
+        with reserve_cores(2) as third:  # a free core first, then one that is shared
+            assert third.plan.engines == ((6,), (4,))
+    assert reserve_cores(1).plan.engines == ((4,),)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="fork")
+@pytest.mark.usefixtures("two_cores")
+def test_a_forked_copy_does_not_free_the_core() -> None:
+    with reserve_cores(1) as cores:
+        pid = os.fork()
+        if pid == 0:
+            cores.close()
+            os._exit(0)
+        os.waitpid(pid, 0)
+        assert reserve_cores(1).plan.engines == ((6,),)
+
+
+def test_a_cache_that_cannot_be_written_to(two_cores: Path) -> None:
+    two_cores.parents[1].mkdir()
+    two_cores.parent.write_text("no folder")
+    with reserve_cores(1) as first, reserve_cores(1) as second:
+        assert first.plan == second.plan == CorePlan(((4,),), (6,))
+
+
+def test_a_lock_file_that_cannot_be_opened(two_cores: Path) -> None:
+    (two_cores / "core-6.lock").mkdir(parents=True)
+    with reserve_cores(2) as first, reserve_cores(1) as second:
+        assert first.plan.engines == ((4,), (6,))
+        assert second.plan.engines == ((4,),)  # nothing is left locked
+
+
+@pytest.mark.usefixtures("two_cores")
+def test_without_platformdirs_cores_are_not_reserved(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "platformdirs", None)
+    with reserve_cores(1) as first, reserve_cores(1) as second:
+        assert first.plan == second.plan

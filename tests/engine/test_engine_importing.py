@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -79,6 +80,35 @@ def test_change_during_an_import_is_not_lost(
     engine = broken_engine(counting_engine, f"echo x >> '{tiny_project}/thing.gd'")
     assert ensure_imported(engine, find_project(tiny_project))
     assert needs_import(engine, find_project(tiny_project))
+
+
+@pytest.mark.parametrize("change", ["touch '{}/new.gd'", "exit 3"], ids=["changed", "failed"])
+def test_an_import_that_is_worth_nothing_is_repeated(
+    change: str, counting_engine: InstalledEngine, tiny_project: Path
+) -> None:
+    """Its class list may name scripts that are gone, though the files are those of the first."""
+    project = find_project(tiny_project)
+    ensure_imported(counting_engine, project)
+    (tiny_project / "gone.gd").touch()
+    engine = broken_engine(counting_engine, change.format(tiny_project))
+    with contextlib.suppress(EngineStartError):
+        ensure_imported(engine, project)
+    for name in ("gone.gd", "new.gd"):
+        (tiny_project / name).unlink(missing_ok=True)
+    assert needs_import(engine, project)
+
+
+def test_generated_files_count_by_content(
+    counting_engine: InstalledEngine, tiny_project: Path
+) -> None:
+    """Another project with a link to the same add-on writes them, too."""
+    project, generated = find_project(tiny_project), tiny_project / "icon.svg.import"
+    generated.write_text("mode=0")
+    ensure_imported(counting_engine, project)
+    os.utime(generated, ns=(1, 1))
+    assert not needs_import(counting_engine, project)
+    generated.write_text("mode=1")
+    assert needs_import(counting_engine, project)
 
 
 def test_two_at_once_import_once(

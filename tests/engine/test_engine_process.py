@@ -26,9 +26,9 @@ from ludus.engine.launch import (
     godot_command,
     with_display,
 )
-from ludus.engine.process import EngineProcess, terminate_all
+from ludus.engine.process import EngineProcess
 from ludus.engine.project import find_project
-from ludus.errors import ConfigError, EngineStartError, SetupError
+from ludus.errors import ConfigError, EngineStartError
 
 FAMILY = """
 import subprocess, sys, time
@@ -47,7 +47,7 @@ time.sleep(100)
 OWNER = """
 import os, sys, time
 from ludus.engine.launch import LaunchConfig
-from ludus.engine.process import EngineProcess, terminate_all
+from ludus.engine.process import EngineProcess
 process = EngineProcess.start(LaunchConfig(command=(sys.executable, {family!r}, "1")))
 while len(process.last_lines()) < 2:
     time.sleep(0.01)
@@ -300,7 +300,6 @@ def test_forgotten_process_is_ended(family: Path) -> None:
         "raise RuntimeError('oops')",
         "sys.exit(3)",
         "import signal; signal.raise_signal(signal.SIGINT); time.sleep(20)",
-        "terminate_all(); os._exit(0)",
     ],
 )
 def test_no_orphans_when_python_ends(family: Path, ending: str) -> None:
@@ -312,16 +311,9 @@ def test_no_orphans_when_python_ends(family: Path, ending: str) -> None:
     until(lambda: not group_members(pid))
 
 
-def test_terminate_all_ends_every_process() -> None:
-    processes = [EngineProcess.start(python("import time; time.sleep(100)")) for _ in range(3)]
-    terminate_all()
-    assert all(process.exit_code == -signal.SIGTERM for process in processes)
-
-
 def _use_in_fork(process: EngineProcess) -> None:
     process.terminate()
     assert process.poll() is None
-    terminate_all()
 
 
 def test_forked_copy_ends_nothing() -> None:
@@ -374,20 +366,8 @@ def test_commands_of_both_godots(tmp_path: Path) -> None:
     )  # fmt: skip
 
 
-def test_window_gets_a_screen(bare_machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("DISPLAY", ":0")
-    assert with_display(("godot",)) == ("godot",)
-    monkeypatch.delenv("DISPLAY")
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    with pytest.raises(SetupError, match="screen"):
-        with_display(("godot",))
-    runner = bare_machine / "xvfb-run"
-    runner.touch(mode=0o755)
-    assert str(runner) in with_display(("godot",))
-    assert with_display(("godot",))[-1] == "godot"
-
-
 @pytest.mark.engine
+@pytest.mark.screen
 def test_a_screen_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)

@@ -26,7 +26,7 @@ from ludus.networks.policy import Policy
 from ludus.settings.train_config import PolicyConfig, PPOConfig, SACConfig
 from ludus.spec import ObservationEntry, PolicySpec
 from tests.export.trained_runs import MIXED, SIMPLE, make_policy
-from tests.gymgodot.conftest import command_of, started_processes
+from tests.legacy.gymgodot.conftest import command_of, started_processes
 
 pytestmark = pytest.mark.engine
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,7 +17,6 @@ from ludus.engine import (
     find_engine,
     godot_command,
     install_engine,
-    resolve_target,
 )
 from ludus.errors import SetupError
 from ludus.session import EngineSession, LaunchOptions, open_session
@@ -27,8 +25,9 @@ from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetAction, ResetRequest
 from tests.godot.camera_games import HEIGHT, WIDTH, make_project
 from tests.godot.test_attach import await_port, free_port
+from tests.targets import find_game
 
-pytestmark = pytest.mark.engine
+pytestmark = [pytest.mark.engine, pytest.mark.screen]
 
 NUM_WORLDS = 3
 # Of each world: red, green, yellow.
@@ -64,7 +63,7 @@ def layout(request: pytest.FixtureRequest) -> str:
 
 
 def open_scene(project: Path, scene: str, layout: str) -> EngineSession:
-    target = resolve_target(project, scene=f"res://{scene}.tscn")
+    target = find_game(project, scene=f"res://{scene}.tscn")
     return open_session(target, EngineConfig(num_worlds=NUM_WORLDS, layout=layout))
 
 
@@ -197,13 +196,11 @@ def test_refresh_shows_what_moved_between_ticks(session_3d: EngineSession) -> No
 
 
 def test_without_a_screen_the_error_says_what_is_missing(
-    project: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for variable in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(variable, raising=False)
-    for needed in ("sh", "readlink", "dirname"):
-        (tmp_path / needed).symlink_to(str(shutil.which(needed)))
-    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr("ludus.engine.screen.find_xvfb", lambda: None)
     with pytest.raises(SetupError, match="needs a screen") as caught:
         open_scene(project, "box_3d", "isolated")
     assert "xvfb" in caught.value.hint
@@ -217,11 +214,11 @@ def test_a_game_that_cannot_draw_names_the_camera(project: Path, engine: str) ->
     with EngineProcess.start(LaunchConfig(command=command)):
         await_port(port)
         with pytest.raises(SetupError, match="camera Eye needs a renderer") as caught:
-            open_session(resolve_target(f"127.0.0.1:{port}"), EngineConfig())
+            open_session(find_game(f"127.0.0.1:{port}"), EngineConfig())
     assert f"ludus engine install {engine} --rendering" in caught.value.hint
 
 
 def test_a_renderer_may_be_asked_for_at_once(project: Path) -> None:
-    target = resolve_target(project, scene="res://box_2d.tscn")
+    target = find_game(project, scene="res://box_2d.tscn")
     made = open_session(target, EngineConfig(), LaunchOptions(has_renderer=True))
     made.close()

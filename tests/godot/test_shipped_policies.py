@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ludus.engine import InstalledEngine
 from ludus.engine.bundled import bundled_root
 from ludus.model import PolicyModel, read_model, write_model
 from ludus.model.policy_model import Distribution, Linear
@@ -51,7 +52,23 @@ def write_untrained(path: Path, policy: str, num_inputs: int, component: Continu
     write_model(path, model)
 
 
-def returns_of(game: str, policy: str, others: dict[str, Path]) -> list[float]:
+@pytest.fixture
+def seeded_godot(godot4: InstalledEngine, tmp_path: Path) -> Path:
+    """A Godot whose worlds, which draw their seeds themselves, draw the same in every run."""
+    script, program = tmp_path / "seed.gd", tmp_path / "seeded"
+    script.write_text("extends SceneTree\nfunc _init() -> void:\n\tseed(1)\n")
+    godot = godot4.executable(headless=True)
+    program.write_text(
+        f"""#!/bin/sh
+case " $* " in *" --import "* | *" --version "*) exec '{godot}' "$@" ;; esac
+exec '{godot}' -s '{script}' "$@"
+"""
+    )
+    program.chmod(0o755)
+    return program
+
+
+def returns_of(game: str, policy: str, others: dict[str, Path], godot: Path) -> list[float]:
     """Play the scene with its own policies, but ``others`` from files and by chance."""
     returns: defaultdict[str, list[float]] = defaultdict(list)
 
@@ -63,6 +80,7 @@ def returns_of(game: str, policy: str, others: dict[str, Path]) -> list[float]:
         scene=f"res://examples/{game}/trained.tscn",
         is_headless=True,
         num_episodes=NUM_REPORTS,
+        godot=godot,
     )
     play_in_engine(config, others, hear, is_stochastic=True)
     assert len(returns[policy]) >= NUM_ROUNDS - 1
@@ -76,21 +94,23 @@ def test_files_are_small_and_for_the_policy_they_are_named_after(game: str, poli
     assert read_model(path).policy == policy
 
 
-def test_the_hero_finds_a_target_that_moves_at_random(tmp_path: Path) -> None:
+def test_the_hero_finds_a_target_that_moves_at_random(tmp_path: Path, seeded_godot: Path) -> None:
     target = tmp_path / "target.ludus.json"
     write_untrained(target, "target", 251, ContinuousAction("move", 2))
-    returns = returns_of("find_coin", "hero", {"target": target})
+    returns = returns_of("find_coin", "hero", {"target": target}, seeded_godot)
     assert np.mean(np.array(returns) > NOT_FOUND) >= 0.85
 
 
-def test_the_target_gets_away_from_the_hero() -> None:
+def test_the_target_gets_away_from_the_hero(seeded_godot: Path) -> None:
     hero = shipped("find_coin", "hero")
-    returns = returns_of("find_coin", "target", {"hero": hero})
+    returns = returns_of("find_coin", "target", {"hero": hero}, seeded_godot)
     assert np.mean(np.array(returns) < -NOT_FOUND) <= 0.55
 
 
-def test_the_soldier_wins_against_zombies_that_move_at_random(tmp_path: Path) -> None:
+def test_the_soldier_wins_against_zombies_that_move_at_random(
+    tmp_path: Path, seeded_godot: Path
+) -> None:
     zombie = tmp_path / "zombie.ludus.json"
     write_untrained(zombie, "zombie", 514, ContinuousAction("act", 3))
-    returns = returns_of("zombies", "soldier", {"zombie": zombie})
+    returns = returns_of("zombies", "soldier", {"zombie": zombie}, seeded_godot)
     assert np.mean(np.array(returns) > SOLDIER_WON) >= 0.75

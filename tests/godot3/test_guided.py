@@ -21,11 +21,11 @@ from ludus.engine import (
     godot_command,
     read_project,
 )
-from ludus.engine.launch import with_display
+from ludus.engine.screen import with_display
 from tests.godot3.simulation_games import CHOICE
 from tests.serve.guided.test_press_play import await_that, free_port, servers
 
-pytestmark = pytest.mark.engine
+pytestmark = [pytest.mark.engine, pytest.mark.screen]
 DEADLINE_S = 60.0
 NUM_WORLDS, NUM_DRAWN = 8, 4
 COLORS = [(255, 0, 0), (0, 255, 0), (0, 0, 255), (255, 255, 0)]

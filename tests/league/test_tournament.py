@@ -50,11 +50,11 @@ def players(pool: EnginePool, policy: str, *choices: int) -> Any:
 
 @pytest.mark.engine
 @pytest.mark.parametrize("pool", ["duel"], indirect=True)
-@pytest.mark.parametrize("is_deterministic", [False, True])
-def test_every_two_players_meet_as_often(pool: EnginePool, is_deterministic: bool) -> None:
+@pytest.mark.parametrize("is_stochastic", [False, True])
+def test_every_two_players_meet_as_often(pool: EnginePool, is_stochastic: bool) -> None:
     league_players = {"hero": players(pool, "hero", 0, 1, 3), "foe": players(pool, "foe", 2, 1)}
     seen: list[tuple[int, int]] = []
-    config = TournamentConfig(episodes=6, is_deterministic=is_deterministic)
+    config = TournamentConfig(episodes=6, is_stochastic=is_stochastic)
     (table,) = play_tournament(league_players, pool, config, lambda *of: seen.append(of))  # pyright: ignore
     assert [player.updates for player in table.rows] == [0, 1, 3]
     assert [player.is_newest for player in table.columns] == [False, True]
@@ -152,12 +152,12 @@ def test_a_player_forgets_single_slots() -> None:
 
 
 def test_a_game_of_one_agent_is_refused(small: Any) -> None:
-    from ludus.pool.gymnasium_pool import GymnasiumPool
+    from ludus.pool import open_pool
 
     run = train(small()).run
     _, _, league_players = load_players(run)
     with pytest.raises(ConfigError, match="agent is the only agent of a world"):
-        play_tournament(league_players, GymnasiumPool("Identity-discrete-v0"), GAMES)
+        play_tournament(league_players, open_pool("gym:Identity-discrete-v0"), GAMES)
 
 
 def test_without_a_league_older_checkpoints_are_the_past(small: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ludus.engine import CorePlan, ReservedCores
 from ludus.errors import (
     EngineCrashed,
     EngineError,
@@ -391,3 +393,25 @@ def test_timeouts_are_errors_of_the_engine(fleet: Fleet) -> None:
     pool.reset(1)
     with pytest.raises(EngineTimeout):
         pool.step(zeros(pool))
+
+
+# Cores
+
+
+@pytest.mark.parametrize("is_broken", [False, True])
+def test_cores_are_held_until_the_pool_is_closed(fleet: Fleet, is_broken: bool) -> None:
+    freed: list[str] = []
+    locks = contextlib.ExitStack()
+    locks.callback(freed.append, "freed")
+    cores = ReservedCores(CorePlan(((0,),), (1,)), locks)
+    if is_broken:
+        fleet.broken = {(0, 0)}
+        with pytest.raises(EngineStartError):
+            EnginePool(fleet.open, 1, cores=cores)
+    else:
+        fleet.deaths = {(0, 0): 1}
+        with EnginePool(fleet.open, 1, max_restarts=1, cores=cores) as pool:
+            pool.reset(1)
+            pool.step(zeros(pool))
+            assert (pool.num_restarts, pool.learner_cores, freed) == (1, (1,), [])
+    assert freed == ["freed"]

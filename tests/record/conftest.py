@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.gymgodot.conftest import left_processes, left_threads
+from tests.legacy.gymgodot.conftest import left_processes, left_threads
 
 
 @pytest.fixture

@@ -22,7 +22,7 @@ from ludus.record import Film, RecordConfig, record
 from ludus.record.film import Frame
 from tests.record.games import STEPS, frames_of, read_ticks, ticks_project, times_of
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.engine, pytest.mark.screen, pytest.mark.timeout(240)]
 
 KINDS = ["godot4", "godot3"]
 
@@ -73,7 +73,8 @@ def test_a_game_that_nobody_plays(project: Path, films: Path) -> None:
     recorded = record(RecordConfig(target=str(project / "ticks.tscn"), out=out, seconds=1.0))
     ticks = read_ticks(out)
     assert len(ticks) == 20
-    assert np.diff(ticks).tolist() == [3] * 19
+    # On a busy machine some frames pass before the film begins, and the picture shows a byte.
+    assert (np.diff(ticks) % 256).tolist() == [3] * 19
     assert recorded.num_episodes == {}
 
 
@@ -112,7 +113,7 @@ def test_a_film_that_cannot_be_written(
 
 
 def test_without_xvfb(project: Path, films: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATH", str(films))
+    monkeypatch.setattr("ludus.engine.screen.find_xvfb", lambda: None)
     with pytest.raises(SetupError, match="neither one nor Xvfb") as caught:
         record(RecordConfig(target=str(project), out=films / "film.mp4"))
     assert "apt install xvfb" in caught.value.hint

@@ -11,8 +11,8 @@ from ludus.cli.main import main
 from ludus.errors import ConfigError, TargetError
 from ludus.model import PolicyModel, write_model
 from ludus.model.policy_model import Distribution, Linear
-from ludus.pool.gymnasium_pool import GymnasiumPool
 from ludus.record import RecordConfig, record
+from ludus.session.gymnasium_session import GymnasiumSession
 from ludus.settings.train_config import PPOConfig, TrainConfig
 from ludus.training.loop import train
 from tests.record.games import STEPS, Ticks, read_ticks
@@ -22,8 +22,7 @@ TARGET = "gym:tests.record.games:Ticks-v0"
 
 def policy_file(path: Path, bias: list[float], name: str = "agent") -> Path:
     """Write a policy that has these logits whatever it sees."""
-    pool = GymnasiumPool("", open_env=Ticks)
-    spec = pool.policies["agent"]
+    (spec,) = GymnasiumSession([Ticks()]).spec.policies
     layer = Linear(np.zeros((3, 1), np.float32), np.array(bias, np.float32), "none")
     write_model(
         path,
@@ -43,6 +42,7 @@ def policy_file(path: Path, bias: list[float], name: str = "agent") -> Path:
     return path
 
 
+@pytest.mark.screen
 def test_a_policy_file_takes_its_most_probable_action(films: Path) -> None:
     out, policy = films / "film.mp4", policy_file(films / "agent.ludus.json", [0.0, 0.0, 1.0])
     recorded = record(RecordConfig(target=TARGET, out=out, policy=(policy,), num_episodes=2))
@@ -51,6 +51,7 @@ def test_a_policy_file_takes_its_most_probable_action(films: Path) -> None:
     assert recorded.num_episodes == {"agent": 2}
 
 
+@pytest.mark.screen
 def test_a_policy_file_draws_its_actions(films: Path) -> None:
     policy = policy_file(films / "agent.ludus.json", [-99.0, 0.0, 0.0])
     seen: list[list[int]] = []
@@ -64,6 +65,7 @@ def test_a_policy_file_draws_its_actions(films: Path) -> None:
     assert set(np.diff(seen[0][:11])) <= {1, 2}
 
 
+@pytest.mark.screen
 def test_a_run_plays_what_it_was_trained_in(films: Path) -> None:
     config = TrainConfig(
         target=TARGET, num_worlds=2, num_engines=1, total_steps=64, seed=7, runs=films,
@@ -75,19 +77,24 @@ def test_a_run_plays_what_it_was_trained_in(films: Path) -> None:
     for arguments in ([str(run)], [TARGET, "--policy", str(run)]):
         assert main(["record", *arguments, "--episodes", "1", "--out", str(out)]) == 0
         assert 2 <= len(read_ticks(out)) <= 13
+    assert main(["record", str(run), "--random", "--episodes", "1", "--out", str(out)]) == 0
+    assert 2 <= len(read_ticks(out)) <= 13
 
 
+@pytest.mark.screen
 def test_chance_plays_where_nobody_else_does(films: Path) -> None:
     recorded = record(RecordConfig(target=TARGET, out=films / "film.mp4", seconds=2.0, start=1.0))
     assert len(read_ticks(films / "film.mp4")) == recorded.num_frames == 60
 
 
+@pytest.mark.screen
 def test_policies_that_do_not_fit(films: Path) -> None:
     other = policy_file(films / "hero.ludus.json", [0.0, 0.0, 1.0], "hero")
     with pytest.raises(ConfigError, match="the game has the policies agent; the files hold hero"):
         record(RecordConfig(target=TARGET, out=films / "film.mp4", policy=(other,)))
 
 
+@pytest.mark.screen
 def test_what_cannot_be_filmed(films: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = films / "film.mp4"
     with pytest.raises(TargetError, match="render\\(\\) returned str"):

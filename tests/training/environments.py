@@ -171,7 +171,9 @@ class Recall(gymnasium.Env[Any, Any]):
 
 
 def register() -> None:
-    """Make the environments known to Gymnasium."""
+    """Make the environments known to Gymnasium; a second call changes nothing."""
+    if "Masked-v0" in gymnasium.registry:
+        return
     add: Any = cast(Any, gymnasium).register
     for kind in ("discrete", "multi_discrete", "continuous"):
         add(f"Identity-{kind}-v0", Identity, kwargs={"kind": kind})

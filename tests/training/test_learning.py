@@ -14,6 +14,8 @@ from ludus.runs.run_folder import RunFolder
 from ludus.settings.train_config import PPOConfig, TrainConfig
 from ludus.training.loop import train
 
+pytestmark = pytest.mark.slow
+
 
 def config(target: str, tmp_path: Path, total_steps: int, **ppo: Any) -> TrainConfig:
     settings: dict[str, Any] = {"hidden_sizes": (32,), "minibatch_size": 128, "rollout_steps": 16}

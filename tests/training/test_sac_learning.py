@@ -18,6 +18,8 @@ from ludus.runs.run_folder import RunFolder
 from ludus.settings.train_config import SACConfig, TrainConfig
 from ludus.training.loop import train
 
+pytestmark = pytest.mark.slow
+
 
 def config(target: str, tmp_path: Path, total_steps: int, **sac: Any) -> TrainConfig:
     settings: dict[str, Any] = {

@@ -2,7 +2,7 @@
 
 from ludus.addon.installing import (
     ADDON_PATH,
-    CLASSIC_PATH,
+    LEGACY_PATH,
     MANIFEST_NAME,
     PLUGIN,
     AddonChange,
@@ -16,7 +16,7 @@ from ludus.addon.installing import (
 
 __all__ = [
     "ADDON_PATH",
-    "CLASSIC_PATH",
+    "LEGACY_PATH",
     "MANIFEST_NAME",
     "PLUGIN",
     "AddonChange",

@@ -25,7 +25,7 @@ from ludus.errors import ConfigError, SetupError
 
 __all__ = [
     "ADDON_PATH",
-    "CLASSIC_PATH",
+    "LEGACY_PATH",
     "MANIFEST_NAME",
     "PLUGIN",
     "AddonChange",
@@ -38,7 +38,7 @@ __all__ = [
 ]
 
 ADDON_PATH = "addons/ludus"
-CLASSIC_PATH = "addons/ludus_classic"
+LEGACY_PATH = "addons/ludus_classic"
 MANIFEST_NAME = ".ludus_manifest.json"
 PLUGIN = "res://addons/ludus/plugin.cfg"
 BRIDGE = "res://addons/ludus/ludus_bridge.gd"
@@ -47,8 +47,8 @@ _ENABLED_KEY = "editor_plugins/enabled"
 _AUTOLOAD_KEY = "autoload/Ludus"
 _ARRAY_TYPES = {EngineKind.GODOT4: "PackedStringArray", EngineKind.GODOT3: "PoolStringArray"}
 _SIGNS = {
-    EngineKind.GODOT4: {ADDON_PATH: "plugin.cfg", CLASSIC_PATH: "ai_runner.gd"},
-    EngineKind.GODOT3: {ADDON_PATH: "plugin.cfg", CLASSIC_PATH: "gym_godot.gd"},
+    EngineKind.GODOT4: {ADDON_PATH: "plugin.cfg", LEGACY_PATH: "ai_runner.gd"},
+    EngineKind.GODOT3: {ADDON_PATH: "plugin.cfg", LEGACY_PATH: "gym_godot.gd"},
 }
 """A file by which a folder of the add-on is known to be whole."""
 
@@ -144,7 +144,7 @@ def install_addon(project: Path, *, force: bool = False) -> AddonChange:
 
     The new folder is prepared beside the old one and takes its place at the end, so that a
     failure half-way leaves the old one. Repeating it changes nothing. The classes for games that
-    were written for godot-ai (:data:`CLASSIC_PATH`) are upgraded with it where they are there.
+    were written for godot-ai (:data:`LEGACY_PATH`) are upgraded with it where they are there.
 
     Args:
         project: Folder of the project, or anything inside it.
@@ -157,8 +157,8 @@ def install_addon(project: Path, *, force: bool = False) -> AddonChange:
     """
     found = find_project(project)
     root = found.root
-    if (root / CLASSIC_PATH).is_dir():
-        install_folder(root, CLASSIC_PATH, force=force)
+    if (root / LEGACY_PATH).is_dir():
+        install_folder(root, LEGACY_PATH, force=force)
     change = install_folder(root, ADDON_PATH, force=force)
     try:
         has_enabled = _switch_on(root)
@@ -172,7 +172,7 @@ def install_folder(root: Path, path: str, *, force: bool) -> AddonChange:
 
     Args:
         root: Folder of the project.
-        path: :data:`ADDON_PATH` or :data:`CLASSIC_PATH`.
+        path: :data:`ADDON_PATH` or :data:`LEGACY_PATH`.
         force: Overwrite files that were changed by hand.
 
     Raises:
@@ -311,7 +311,7 @@ def _switch_on(root: Path) -> bool:
     enabled = add_to_string_array(text, _ENABLED_KEY, PLUGIN, _ARRAY_TYPES[kind])
     enabled = add_string(enabled, _AUTOLOAD_KEY, f"*{BRIDGE}")
     if kind is EngineKind.GODOT3:
-        for path in (ADDON_PATH, CLASSIC_PATH):
+        for path in (ADDON_PATH, LEGACY_PATH):
             scripts = find_script_classes(root / path, f"res://{path}")
             enabled = add_script_classes(enabled, scripts)
     if enabled == text:

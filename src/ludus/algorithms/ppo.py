@@ -115,7 +115,10 @@ class PPO:
         self._is_mixed = settings.is_mixed
         sizes = config.critic_hidden_sizes
         sizes = config.hidden_sizes if sizes is None else sizes
-        self._critic = perceptron((policy.feature_size, *sizes, 1), config.activation, 1.0)
+        # Values start at exactly 0. Until the first reward, random ones would be all there is to
+        # the advantages; normalised, that noise makes the actor nearly deterministic, often before
+        # it has reached a reward at all.
+        self._critic = perceptron((policy.feature_size, *sizes, 1), config.activation, 0.0)
         self._critic.to(self._device)
         parameters = itertools.chain(policy.parameters(), self._critic.parameters())
         self._optimiser = Adam(parameters, ADAM_EPSILON)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ludus.check.difference import Difference, first_difference
 from ludus.check.numbers import differences, element_names, scales
 from ludus.check.recording import Recording
+from ludus.play.episodes import EpisodeTracker
 
 __all__ = ["Comparison", "Verdict", "compare_episodes"]
 
@@ -179,19 +180,11 @@ def _other_statistics(isolated: Recording, grid: Recording) -> str:
     return ""
 
 
-def _episodes(recording: Recording, policy: str) -> tuple[NDArray[np.float64], ...]:
+def _episodes(recording: Recording, policy: str) -> tuple[NDArray[Any], ...]:
     """Return lengths and returns of all complete episodes."""
     first = recording.frames[0].batches[policy]
-    length, total = np.zeros(first.num_agents), np.zeros(first.num_agents)
-    lengths: list[float] = []
-    totals: list[float] = []
-    for before, frame in zip(recording.frames[:-1], recording.frames[1:], strict=True):
-        batch = frame.batches[policy]
-        acted = before.batches[policy].active
-        length[acted] += 1
-        total[acted] += batch.reward[acted]
-        ended = batch.terminated | batch.truncated
-        lengths += length[ended].tolist()
-        totals += total[ended].tolist()
-        length[ended] = total[ended] = 0
-    return np.array(lengths), np.array(totals)
+    tracker = EpisodeTracker(first.num_agents, None)
+    tracker.begin(slice(None), first)
+    for frame in recording.frames[1:]:
+        tracker.record(slice(None), frame.batches[policy])
+    return np.array(tracker.lengths), np.array(tracker.returns)

@@ -9,8 +9,8 @@ from ludus.check.context import CheckContext, OneEngineOnly
 from ludus.check.episodes import Comparison, Verdict, compare_episodes
 from ludus.check.finding import Finding, fail, info, ok
 from ludus.check.recording import Recording, record
-from ludus.errors import TargetError
-from ludus.play.random_actions import RandomActions
+from ludus.errors import ConfigError, TargetError
+from ludus.play.players import random_player
 from ludus.pool import EnginePool
 
 __all__ = ["check_layouts"]
@@ -37,7 +37,7 @@ def check_layouts(context: CheckContext) -> list[Finding]:
             return [info(TITLE, error.message, error.hint)]
         try:
             other_pool = pools.enter_context(context.other_pool(num_worlds=num, layout=other))
-        except TargetError as error:
+        except (TargetError, ConfigError) as error:
             return [info(TITLE, f"this game does not run {LAYOUTS[other]}: {error.message}")]
         isolated_pool, grid_pool = (
             (other_pool, own_pool) if asks_for_grid else (own_pool, other_pool)
@@ -98,19 +98,19 @@ class _TimedPlay:
     def __init__(self, pool: EnginePool, seed: int) -> None:
         spec = pool.spec
         self._pool = pool
-        self._script = RandomActions(spec, [seed + i for i in range(spec.num_worlds)], SCRIPT_STEPS)
+        self._act = random_player(pool, seed)
         self._batches = pool.reset(seed)
         self._num_agents = sum(policy.num_agents for policy in spec.policies)
         is_masked = any(policy.has_action_mask for policy in spec.policies)
-        steps = range(0 if is_masked else SCRIPT_STEPS)
-        self._drawn = [self._script.at(step, self._batches) for step in steps]
+        num_drawn = 0 if is_masked else SCRIPT_STEPS
+        self._drawn = [self._act(self._batches) for _ in range(num_drawn)]
 
     def agent_steps_per_s(self, seconds: float) -> float:
         """Play for some seconds, at least one step."""
         num_steps, began, elapsed = 0, time.perf_counter(), 0.0
         while elapsed < seconds or not num_steps:
             step = num_steps % SCRIPT_STEPS
-            actions = self._drawn[step] if self._drawn else self._script.at(step, self._batches)
+            actions = self._drawn[step] if self._drawn else self._act(self._batches)
             self._batches = self._pool.step(actions)
             num_steps += 1
             elapsed = time.perf_counter() - began

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.play.random_actions import RandomActions
+from ludus.play.players import random_player
 from ludus.pool import EnginePool
 from ludus.spec import PolicySpec, Spec
 from ludus.spec.batch import Batch
@@ -110,12 +110,9 @@ def record(
     batches = pool.reset(seed)
     frames = [Frame(pool.times(0).tick, batches)]
     num_steps = max(1, min(num_steps, MAX_RECORDING_BYTES // _num_bytes(batches)))
-    first = seed if action_seed is None else action_seed
-    actions = RandomActions(
-        pool.spec, [first + i for i in range(pool.spec.num_worlds)], min(num_steps, 1000)
-    )
-    for step in range(num_steps):
-        batches = pool.step(actions.at(step, batches))
+    act = random_player(pool, seed if action_seed is None else action_seed)
+    for _ in range(num_steps):
+        batches = pool.step(act(batches))
         frames.append(Frame(pool.times(0).tick, batches))
     return Recording(pool.spec, seed, tuple(frames))
 

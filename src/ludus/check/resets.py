@@ -12,7 +12,7 @@ from ludus.check.context import CheckContext
 from ludus.check.finding import Finding, fail, info, ok, warn
 from ludus.check.numbers import differences, element_names, scales
 from ludus.check.recording import Frame, Recording
-from ludus.play.random_actions import RandomActions
+from ludus.play.players import random_player
 from ludus.pool import EnginePool
 
 __all__ = ["check_resets"]
@@ -45,17 +45,15 @@ def check_resets(context: CheckContext) -> list[Finding]:
 
 def _second_episode(pool: EnginePool, seed: int, num_played: int) -> Recording:
     """Return the start of the second episode, after ``num_played`` steps of the first one."""
-    num = pool.spec.num_worlds
-    seeds = [seed + i for i in range(num)]
     batches = pool.reset(seed)
-    actions = RandomActions(pool.spec, seeds, max(1, num_played))
-    for step in range(num_played):
-        batches = pool.step(actions.at(step, batches))
+    act = random_player(pool, seed)
+    for _ in range(num_played):
+        batches = pool.step(act(batches))
     batches = pool.reset(None)
     frames = [Frame(pool.times(0).tick, batches)]
-    actions = RandomActions(pool.spec, [s + 1 for s in seeds], NUM_STEPS_AFTER)
-    for step in range(NUM_STEPS_AFTER):
-        batches = pool.step(actions.at(step, batches))
+    act = random_player(pool, seed + 1)
+    for _ in range(NUM_STEPS_AFTER):
+        batches = pool.step(act(batches))
         frames.append(Frame(pool.times(0).tick, batches))
     return Recording(pool.spec, seed, tuple(frames))
 

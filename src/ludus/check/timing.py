@@ -10,7 +10,7 @@ from ludus.check.context import CheckContext
 from ludus.check.difference import standing_difference
 from ludus.check.finding import Finding, fail, info, ok
 from ludus.check.recording import Recording, record
-from ludus.play.random_actions import RandomActions
+from ludus.play.players import random_player
 from ludus.pool import EnginePool
 from ludus.wire.reset import ResetAction, ResetRequest
 
@@ -92,9 +92,9 @@ def _resets_alone(pool: EnginePool, seed: int) -> Finding:
     if num < 2:
         return info(title, "needs two worlds", "run with --num-worlds 2")
     before = pool.reset(seed)
-    actions = RandomActions(pool.spec, [seed + i for i in range(num)], 3)
-    for step in range(3):
-        before = pool.step(actions.at(step, before))
+    act = random_player(pool, seed)
+    for _ in range(3):
+        before = pool.step(act(before))
     request = _reset_none(num)
     request.actions[0] = ResetAction.NEXT_EPISODE
     after = pool.reset_worlds(request)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -15,7 +14,7 @@ from ludus.check.context import CheckContext
 from ludus.check.finding import Finding, fail, info, ok
 from ludus.errors import UsageError
 from ludus.libraries import LudusVectorEnv
-from ludus.play.random_actions import RandomActions
+from ludus.play.players import random_player
 from ludus.spec import DiscreteAction, PolicySpec
 from ludus.spec.batch import ActionBatch, Batch
 
@@ -49,10 +48,7 @@ class _Player:
         self.env = env
         self.seed = context.config.seed
         self.num_steps = min(MAX_STEPS, context.config.num_steps)
-        worlds = range(env.pool.spec.num_worlds)
-        spec = replace(env.pool.spec, policies=(env.policy,))
-        self._script = RandomActions(spec, [self.seed + i for i in worlds], MAX_STEPS)
-        self._step = 0
+        self._act = random_player(env.pool, self.seed)
         self._mask: NDArray[np.bool_] | None = None
 
     def reset(self, **arguments: Any) -> Any:
@@ -66,8 +62,7 @@ class _Player:
         """Act at random."""
         batch = Batch.allocate(self.env.policy, self.env.num_envs)
         batch.action_mask = self._mask
-        actions = self._script.at(self._step, {self.env.policy.name: batch})
-        self._step += 1
+        actions = self._act({self.env.policy.name: batch})
         result = self.env.step(to_space(self.env.policy, actions[self.env.policy.name]))
         self._mask = result[4].get("action_mask")
         return result

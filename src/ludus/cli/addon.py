@@ -12,7 +12,7 @@ import tyro
 if TYPE_CHECKING:
     from ludus.addon import AddonChange
 
-__all__ = ["COMMAND", "run"]
+__all__ = ["COMMAND", "RENAMED_FLAGS", "run"]
 
 
 @dataclass(frozen=True)
@@ -22,13 +22,13 @@ class Install:
     Attributes:
         project: Folder of the project.
         force: Overwrite files of the add-on that were changed there.
-        classic: Let a game that was written for godot-ai, or in Godot 3 for GymGodot or
-            godot_gym_api, use what the add-on has in its place; their own files are put aside.
+        legacy: For games written for godot-ai or, in Godot 3, for GymGodot or godot_gym_api: also
+            install the classes of that legacy bridge, and back up the files that they replace.
     """
 
     project: tyro.conf.Positional[Path]
     force: bool = False
-    classic: bool = False
+    legacy: bool = False
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,7 @@ COMMAND: Any = (
     Annotated[Install, tyro.conf.subcommand("install")]
     | Annotated[Status, tyro.conf.subcommand("status")]
 )
+RENAMED_FLAGS = {"--classic": "--legacy", "--no-classic": "--no-legacy"}
 
 
 def run(command: Install | Status) -> int:
@@ -56,19 +57,19 @@ def run(command: Install | Status) -> int:
 def _install(command: Install) -> int:
     from ludus.addon import install_addon
 
-    if command.classic:
-        _install_classic(command)
+    if command.legacy:
+        _install_legacy_addon(command)
     else:
         _tell("ludus add-on", install_addon(command.project, force=command.force))
     return 0
 
 
-def _install_classic(command: Install) -> None:
-    from ludus.legacy.addon import install_classic
+def _install_legacy_addon(command: Install) -> None:
+    from ludus.legacy.addon import install_legacy_addon
 
-    change = install_classic(command.project, force=command.force)
+    change = install_legacy_addon(command.project, force=command.force)
     _tell("ludus add-on", change.addon)
-    _tell("ludus_classic", change.classic)
+    _tell("ludus_classic", change.legacy)
     for path in change.replaced:
         sys.stdout.write(f"  replaced: {path} (kept in {change.kept})\n")
     for path in change.without_action:

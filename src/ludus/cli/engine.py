@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from ludus.errors import SetupError
+
 if TYPE_CHECKING:
     from ludus.engine import ExportTemplate, InstalledEngine
 
@@ -23,7 +25,8 @@ class Install:
 
     Attributes:
         kind: Which engine.
-        rendering: Also install what opening a window takes.
+        rendering: Also install what opening a window takes: a renderer and, on a Linux machine
+            without a screen, Xvfb.
         templates: Also install the template that exports games for Linux (Godot 4).
         force: Install again even if it is there.
     """
@@ -71,7 +74,13 @@ def run(command: Install | List | Doctor) -> int:
 
 
 def _install(command: Install) -> int:
-    from ludus.engine import EngineKind, install_engine, install_template
+    from ludus.engine import (
+        EngineKind,
+        has_screen,
+        install_engine,
+        install_screen,
+        install_template,
+    )
 
     stages: list[str] = []
 
@@ -87,6 +96,11 @@ def _install(command: Install) -> int:
         progress=show,
     )
     sys.stdout.write(f"{engine.kind} {engine.version_text}: {engine.path}\n")
+    if command.rendering and not has_screen():
+        try:
+            sys.stdout.write(f"Xvfb: {install_screen(force=command.force, progress=show)}\n")
+        except SetupError as error:  # the engine draws all the same where there is a screen
+            sys.stderr.write(f"warning: {error}\n")
     if command.templates:
         template = install_template(engine, force=command.force, progress=show)
         sys.stdout.write(f"export template {template.version_text}: {template.path}\n")

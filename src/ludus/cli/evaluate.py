@@ -1,26 +1,33 @@
-"""``ludus evaluate``: play episodes with trained agents and report the returns."""
+"""``ludus evaluate``: play episodes and report the returns."""
 
 from __future__ import annotations
 
 import json
 import sys
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tyro
+
+from ludus.cli.action_flags import ActionFlags
+
+if TYPE_CHECKING:
+    from ludus.settings.train_config import TrainConfig
 
 __all__ = ["COMMAND", "EvaluateCommand", "run"]
 
 
 @dataclass(frozen=True)
-class EvaluateCommand:
-    """Play complete episodes with the agents of a run and report their returns.
+class EvaluateCommand(ActionFlags):
+    """Play complete episodes with the agents of a run, or at random, and report their returns.
 
     Attributes:
-        run: Run folder, whose newest checkpoint is taken, or one of its checkpoints.
+        run: Run folder, whose newest checkpoint is taken, or one of its checkpoints; with --random
+            a game will do, too.
         episodes: Episodes of each policy.
-        stochastic: Policies that draw their actions, as in training; without names, all of
-            them. The others take their most probable ones.
+        random: Take random actions.
+        stochastic: Draw actions as in training; with names, only those policies do.
         goal_return: Tell the share of episodes whose return reaches this.
         seed: Seed of worlds and samples.
         target: Play in this target; none is the one the run was trained in.
@@ -29,9 +36,12 @@ class EvaluateCommand:
         json: Print one JSON object on stdout.
     """
 
-    run: tyro.conf.Positional[Path]
+    run: tyro.conf.Positional[str]
     episodes: int = 20
-    stochastic: tuple[str, ...] | None = None
+    random: bool = False
+    stochastic: tuple[str, ...] | None = field(  # pyright: ignore[reportIncompatibleVariableOverride]
+        default=None, kw_only=True
+    )
     goal_return: float | None = None
     seed: int = 0
     target: str | None = None
@@ -51,25 +61,21 @@ def run(command: EvaluateCommand) -> int:
     from ludus.cli.live import evaluation_table
     from ludus.errors import ConfigError
     from ludus.play.evaluation import evaluate
-    from ludus.runs.run_folder import RunFolder
-    from ludus.runs.saved import load_policies
+    from ludus.play.players import load_player, random_player
     from ludus.training.source import open_source
 
     if command.episodes < 1:
         raise ConfigError(f"episodes must be at least 1, not {command.episodes}")
-    config = RunFolder.find(command.run).read_config()
-    config = replace(
-        config,
-        target=command.target or config.target,
-        num_worlds=command.num_worlds or config.num_worlds,
-        num_engines=command.num_engines,
-    )
+    stochastic = command.choose()
+    config = _config(command)
     torch.set_num_threads(config.torch_threads)
     pool = open_source(config)
     try:
-        policies = load_policies(command.run, pool.policies)
-        sampled = _sampled(command.stochastic, list(policies))
-        results = evaluate(policies, pool, command.episodes, sampled=sampled, seed=command.seed)
+        if command.random:
+            act = random_player(pool, command.seed)
+        else:
+            act = load_player([Path(command.run)], pool, command.seed, stochastic)
+        results = evaluate(act, pool, command.episodes, seed=command.seed)
     finally:
         pool.close()
     if command.json:
@@ -77,23 +83,27 @@ def run(command: EvaluateCommand) -> int:
         if command.goal_return is not None:
             for name, result in results.items():
                 values[name]["share_reaching"] = result.share_reaching(command.goal_return)
-        sys.stdout.write(json.dumps({"run": str(command.run), "policies": values}) + "\n")
+        sys.stdout.write(json.dumps({"run": command.run, "policies": values}) + "\n")
     else:
-        table = evaluation_table(results, str(command.run), command.goal_return)
-        Console().print(table)
+        Console().print(evaluation_table(results, command.run, command.goal_return))
     return 0
 
 
-def _sampled(names: tuple[str, ...] | None, policies: list[str]) -> list[str]:
-    """Return the policies that draw their actions, from what the command line says."""
-    from ludus.errors import ConfigError
+def _config(command: EvaluateCommand) -> TrainConfig:
+    """Return what to play in: what the run was trained in, or a game to play at random."""
+    from ludus.runs.saved import trained_config
+    from ludus.settings.train_config import TrainConfig
+    from ludus.target import find_run
 
-    if names is None:
-        return []
-    for name in names:
-        if name not in policies:
-            raise ConfigError(
-                f"--stochastic: there is no policy {name!r}",
-                f"the policies are {', '.join(policies)}",
-            )
-    return list(names) or policies
+    if command.random and find_run(Path(command.run)) is None:
+        return TrainConfig(
+            target=command.target or command.run,
+            num_worlds=command.num_worlds or TrainConfig().num_worlds,
+            num_engines=command.num_engines,
+        )
+    return trained_config(
+        Path(command.run),
+        target=command.target,
+        num_worlds=command.num_worlds,
+        num_engines=command.num_engines,
+    )

@@ -6,21 +6,21 @@ import json
 import math
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import tyro
 
+from ludus.cli.action_flags import ActionFlags
 from ludus.errors import ConfigError
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from ludus.league.players import LeaguePlayer, LeaguePlayers
-    from ludus.league.tournament import MatchTable
+    from ludus.league.tournament import MatchTable, TournamentConfig
     from ludus.runs.checkpoint import Checkpoint
-    from ludus.settings.train_config import TrainConfig
 
 __all__ = ["COMMAND", "LeagueCommand", "run"]
 
@@ -29,7 +29,7 @@ CLEAR_WIN = 0.6
 
 
 @dataclass(frozen=True)
-class LeagueCommand:
+class LeagueCommand(ActionFlags):
     """Let the agents of a run and their past selves play each other, and print who beats whom.
 
     Past selves are those of self-play; a run without it has its older checkpoints. A cell is the
@@ -41,7 +41,6 @@ class LeagueCommand:
         episodes: Games of every two players.
         max_players: Players of each policy; of more, some evenly spaced ones play.
         recorded: Play nothing, and print the ratings that training noted.
-        deterministic: Take the most probable actions, instead of drawing them as in training.
         seed: Seed of worlds and actions.
         target: Play in this target; none is the one the run was trained in.
         num_worlds: Worlds in each engine; none is as many as in training.
@@ -53,7 +52,6 @@ class LeagueCommand:
     episodes: int = 20
     max_players: int = 8
     recorded: bool = False
-    deterministic: bool = False
     seed: int = 0
     target: str | None = None
     num_worlds: int | None = None
@@ -73,7 +71,13 @@ def run(command: LeagueCommand) -> int:
         TargetError: The game is gone.
     """
     from ludus.league.players import load_players, subsample
+    from ludus.league.tournament import TournamentConfig
 
+    settings = TournamentConfig(
+        episodes=command.episodes,
+        is_stochastic=bool(command.choose(default=True)),
+        seed=command.seed,
+    )
     if command.episodes < 1:
         raise ConfigError(f"episodes must be at least 1, not {command.episodes}")
     if command.max_players < 2:
@@ -85,7 +89,7 @@ def run(command: LeagueCommand) -> int:
     few = {
         name: subsample(players, command.max_players) for name, players in league_players.items()
     }
-    tables = _play(command, path, checkpoint, few)
+    tables = _play(command, settings, path, checkpoint, few)
     if command.json:
         values = {"run": str(command.run), "tables": [table_to_plain(table) for table in tables]}
         sys.stdout.write(json.dumps(values) + "\n")
@@ -97,18 +101,27 @@ def run(command: LeagueCommand) -> int:
 
 
 def _play(
-    command: LeagueCommand, path: Path, checkpoint: Checkpoint, league_players: LeaguePlayers
+    command: LeagueCommand,
+    settings: TournamentConfig,
+    path: Path,
+    checkpoint: Checkpoint,
+    league_players: LeaguePlayers,
 ) -> list[MatchTable]:
     import torch
     from rich.console import Console
 
-    from ludus.league.tournament import TournamentConfig, play_tournament
+    from ludus.league.tournament import play_tournament
     from ludus.runs.checkpoint import check_spec
+    from ludus.runs.saved import trained_config
     from ludus.training.source import open_source
 
-    config = _config(command)
+    config = trained_config(
+        command.run,
+        target=command.target,
+        num_worlds=command.num_worlds,
+        num_engines=command.num_engines,
+    )
     torch.set_num_threads(config.torch_threads)
-    settings = TournamentConfig(command.episodes, command.deterministic, command.seed)
     with Console(stderr=True).status("opening the game") as status:
         pool = open_source(config)
         try:
@@ -121,18 +134,6 @@ def _play(
             )
         finally:
             pool.close()
-
-
-def _config(command: LeagueCommand) -> TrainConfig:
-    from ludus.runs.run_folder import RunFolder
-
-    config = RunFolder.find(command.run).read_config()
-    return replace(
-        config,
-        target=command.target or config.target,
-        num_worlds=command.num_worlds or config.num_worlds,
-        num_engines=command.num_engines or config.num_engines,
-    )
 
 
 def _show_recorded(command: LeagueCommand, league_players: LeaguePlayers) -> None:

@@ -4,7 +4,8 @@ A command is a module in this package with
 
 - ``COMMAND``: a dataclass that tyro parses, its docstring the help;
 - ``run(command) -> int``: does it and returns the exit code;
-- optionally ``parse(arguments) -> COMMAND``, where one pass of tyro is not enough.
+- optionally ``parse(arguments) -> COMMAND``, where one pass of tyro is not enough;
+- optionally ``RENAMED_FLAGS``: flags of earlier versions, and what they are called now.
 
 Modules load when their command is called, so that ``ludus --help`` is quick and needs no extra.
 """
@@ -18,7 +19,7 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any, NoReturn
@@ -118,7 +119,20 @@ def _dispatch(arguments: list[str]) -> int:
     if name not in COMMANDS:
         raise _unknown(name)
     module: Any = importlib.import_module(COMMANDS[name][0])
-    return int(module.run(_parse(module, name, arguments[1:])))
+    given = _with_current_flags(arguments[1:], getattr(module, "RENAMED_FLAGS", {}))
+    return int(module.run(_parse(module, name, given)))
+
+
+def _with_current_flags(arguments: list[str], renamed: Mapping[str, str]) -> list[str]:
+    """Replace flags of earlier versions, and name the new ones."""
+    current: list[str] = []
+    for argument in arguments:
+        flag, *value = argument.split("=", 1)
+        if flag in renamed:
+            sys.stderr.write(f"{flag} is now called {renamed[flag]}\n")
+            flag = renamed[flag]
+        current.append("=".join((flag, *value)))
+    return current
 
 
 def _parse(module: Any, name: str, arguments: list[str]) -> Any:

@@ -8,11 +8,13 @@ from pathlib import Path
 
 import tyro
 
+from ludus.cli.action_flags import ActionFlags
+
 __all__ = ["COMMAND", "RecordCommand", "run"]
 
 
 @dataclass(frozen=True)
-class RecordCommand:
+class RecordCommand(ActionFlags):
     """Play a game in a window of its own and write a film of it.
 
     Every frame of the game is taken once, however slowly it is drawn. Where there is no screen,
@@ -24,7 +26,6 @@ class RecordCommand:
         policy: Run folder or checkpoint of trained agents; or policy files (.ludus.json), each
             with its own --policy. Without it the game is filmed as it is.
         random: Take random actions.
-        stochastic: Draw actions as in training, instead of taking the most probable ones.
         episodes: End after so many episodes of each policy.
         seconds: Length of the film at most; none is 10, with --episodes 600.
         start: Seconds to leave out at the beginning.
@@ -40,7 +41,6 @@ class RecordCommand:
     out: Path
     policy: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
     random: bool = False
-    stochastic: bool = False
     episodes: int | None = None
     seconds: float | None = None
     start: float = 0.0
@@ -65,7 +65,7 @@ def run(command: RecordCommand) -> int:
             out=command.out,
             policy=command.policy,
             is_random=command.random,
-            is_stochastic=command.stochastic,
+            is_stochastic=bool(command.choose()),
             num_episodes=command.episodes,
             seconds=command.seconds,
             start=command.start,

@@ -13,7 +13,7 @@ from pathlib import Path
 from ludus.disk import disk_errors
 from ludus.errors import UsageError
 
-__all__ = ["COMMAND", "ServeCommand", "run"]
+__all__ = ["COMMAND", "RENAMED_FLAGS", "ServeCommand", "run"]
 
 MAX_LOG_BYTES = 1 << 20
 
@@ -22,11 +22,11 @@ MAX_LOG_BYTES = 1 << 20
 class ServeCommand:
     """Wait for games, and train them as they ask for it. Ctrl-C saves and stops.
 
-    A game with our add-on and a LudusTraining node speaks the dialect ludus, and starts this
-    command itself. A game that was written for godot-ai needs no change.
+    A game with our add-on and a LudusTraining node starts this command itself. A game that was
+    written for godot-ai needs no change: --bridge godot-ai.
 
     Attributes:
-        dialect: What the games speak: ludus or godot-ai.
+        bridge: Legacy bridge that the games were written for: godot-ai; ludus is our add-on.
         port: TCP port, reachable from this machine only; none is 11011, or 9999 for godot-ai.
         runs: Folder of the runs; a game names its own in it. None is ./runs.
         policies: Folder that trained policies are written to for the game; none is the folder
@@ -43,7 +43,7 @@ class ServeCommand:
         log: File that gets what happens, beside the terminal.
     """
 
-    dialect: str = "ludus"
+    bridge: str = "ludus"
     port: int | None = None
     runs: Path | None = None
     policies: Path | None = None
@@ -57,6 +57,7 @@ class ServeCommand:
 
 
 COMMAND = ServeCommand
+RENAMED_FLAGS = {"--dialect": "--bridge"}
 
 IsStopping = Callable[[], bool]
 
@@ -69,7 +70,7 @@ def run(command: ServeCommand) -> int:
         from ludus.training.interrupt import Interrupts
 
         with Interrupts() as interrupts:
-            DIALECTS[command.dialect](command, interrupts.is_stopping)
+            _SERVERS[command.bridge](command, interrupts.is_stopping)
     return 0 if interrupts.signum is None else 128 + interrupts.signum
 
 
@@ -77,20 +78,18 @@ def check(command: ServeCommand) -> None:
     """Refuse options that do not fit.
 
     Raises:
-        UsageError: There is no such dialect, or it has no such option.
+        UsageError: There is no such bridge, or it has no such option.
     """
-    if command.dialect not in DIALECTS:
-        known = ", ".join(f"--dialect {dialect}" for dialect in DIALECTS)
-        raise UsageError(
-            f"there is no dialect {command.dialect!r}",
-            f"known so far: {known}; others come in later versions",
-        )
+    if command.bridge not in _SERVERS:
+        known = " or ".join(f"--bridge {bridge}" for bridge in _SERVERS)
+        raise UsageError(f"there is no bridge {command.bridge!r} to serve", f"write {known}")
     default = ServeCommand()
-    for name in _NOT_OF[command.dialect]:
+    for name in _NOT_OF[command.bridge]:
         if getattr(command, name) != getattr(default, name):
             others = " and ".join(one for one, names in _NOT_OF.items() if name not in names)
             raise UsageError(
-                f"the dialect {command.dialect} has no --{name}", f"it is an option of {others}"
+                f"--{name} is not an option of --bridge {command.bridge}",
+                f"it is an option of --bridge {others}",
             )
     if command.message_timeout_s <= 0 or command.torch_threads < 1:
         raise UsageError("--message-timeout-s must be above 0, and --torch-threads at least 1")
@@ -126,17 +125,17 @@ def _serve_godot_ai(command: ServeCommand, is_stopping: IsStopping) -> None:
     serve(config, is_stopping, lambda port: _tell_ready(command, config.project, port))
 
 
-DIALECTS: dict[str, Callable[[ServeCommand, IsStopping], None]] = {
+_SERVERS: dict[str, Callable[[ServeCommand, IsStopping], None]] = {
     "ludus": _serve_guided,
     "godot-ai": _serve_godot_ai,
 }
 _NOT_OF = {"ludus": ("project",), "godot-ai": ("runs", "policies", "once")}
-"""Options that a dialect does not have."""
+"""Options that a bridge does not have."""
 
 
 def _tell_ready(command: ServeCommand, folder: Path, port: int) -> None:
     logging.getLogger("ludus.serve").debug("listening at 127.0.0.1:%d", port)
-    sys.stderr.write(f"serving {command.dialect} games in {folder} at 127.0.0.1:{port}\n")
+    sys.stderr.write(f"serving {command.bridge} games in {folder} at 127.0.0.1:{port}\n")
     sys.stderr.flush()
 
 

@@ -5,10 +5,11 @@ This layer knows processes and projects on disk; it knows nothing of observation
 
 from ludus.engine.affinity import (
     CorePlan,
+    ReservedCores,
     allowed_cores,
-    pin_current_process,
     pinned_to,
     plan_cores,
+    reserve_cores,
 )
 from ludus.engine.doctor import Finding, FindingStatus, doctor
 from ludus.engine.export_game import export_game
@@ -20,19 +21,22 @@ from ludus.engine.find import (
     search_engines,
 )
 from ludus.engine.importing import ensure_imported, needs_import
-from ludus.engine.install import install_engine
-from ludus.engine.install_template import install_template
+from ludus.engine.install import (
+    install_engine,
+    install_screen,
+    install_template,
+    template_installers,
+)
 from ludus.engine.kinds import EngineKind
 from ludus.engine.launch import (
     GodotFlags,
     LaunchConfig,
     executable_command,
     godot_command,
-    with_display,
 )
-from ludus.engine.process import EngineProcess, terminate_all
+from ludus.engine.process import EngineProcess
 from ludus.engine.project import Project, find_project, read_project, scene_path
-from ludus.engine.target import Target, TargetKind, resolve_target
+from ludus.engine.screen import find_xvfb, has_screen, with_display
 from ludus.engine.template import ExportTemplate, find_template, matching_template
 
 __all__ = [
@@ -47,8 +51,7 @@ __all__ = [
     "InstalledEngine",
     "LaunchConfig",
     "Project",
-    "Target",
-    "TargetKind",
+    "ReservedCores",
     "allowed_cores",
     "doctor",
     "ensure_imported",
@@ -57,19 +60,21 @@ __all__ = [
     "find_engine",
     "find_project",
     "find_template",
+    "find_xvfb",
     "godot_command",
+    "has_screen",
     "install_engine",
+    "install_screen",
     "install_template",
     "list_engines",
     "matching_template",
     "needs_import",
-    "pin_current_process",
     "pinned_to",
     "plan_cores",
     "read_project",
-    "resolve_target",
+    "reserve_cores",
     "scene_path",
     "search_engines",
-    "terminate_all",
+    "template_installers",
     "with_display",
 ]

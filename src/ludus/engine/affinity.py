@@ -1,21 +1,36 @@
-"""Which processor cores the engines and the learner run on.
+"""Which processor cores the engines and the learner run on, agreed upon between processes.
 
 An engine that is pinned to one core runs up to twice as fast, because its worker threads no
 longer wake each other across cores. Platforms without pinning (macOS, Windows) get no plan.
+Two engines on one core get half of it each, so a pool locks a file per core in the user's cache,
+and takes cores that no other pool has locked. The system frees the locks of a process that dies.
 """
 
 from __future__ import annotations
 
+import logging
 import os
+import socket
 import sys
 import threading
-from collections.abc import Generator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Generator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
 
+from ludus.engine.cache import cache_root
 from ludus.errors import ConfigError
+from ludus.locks import LockHeld, file_lock
 
-__all__ = ["CorePlan", "allowed_cores", "pin_current_process", "pinned_to", "plan_cores"]
+__all__ = [
+    "CorePlan",
+    "ReservedCores",
+    "allowed_cores",
+    "pinned_to",
+    "plan_cores",
+    "reserve_cores",
+]
+
+_log = logging.getLogger(__name__)
 
 _pin_lock = threading.Lock()
 
@@ -53,20 +68,66 @@ def plan_cores(num_engines: int, allowed: tuple[int, ...] | None = None) -> Core
     allowed = allowed_cores() if allowed is None else allowed
     if not allowed:
         return CorePlan(engines=(None,) * num_engines, learner=None)
-    engines = tuple((allowed[index % len(allowed)],) for index in range(num_engines))
-    left = allowed[num_engines:]
+    return _plan(num_engines, allowed, allowed[:num_engines], ())
+
+
+def _plan(
+    num_engines: int, allowed: tuple[int, ...], taken: Sequence[int], others: Sequence[int]
+) -> CorePlan:
+    """Give engines the cores in ``taken`` first, then those of ``others``; what is left learns."""
+    order = [*taken, *others] or allowed
+    engines = tuple((order[index % len(order)],) for index in range(num_engines))
+    left = tuple(core for core in allowed if core not in {*taken, *others})
     return CorePlan(engines=engines, learner=left or allowed)
 
 
-def pin_current_process(cores: tuple[int, ...] | None) -> None:
-    """Restrict every thread of this process to ``cores``; None changes nothing."""
-    if cores is None or sys.platform != "linux":
-        return
-    for thread in os.listdir("/proc/self/task"):  # noqa: PTH208 - names, not paths
+@dataclass(frozen=True)
+class ReservedCores:
+    """Cores of a pool, locked until `close`; see :func:`reserve_cores`."""
+
+    plan: CorePlan
+    _locks: ExitStack = field(default_factory=ExitStack, repr=False)
+
+    def close(self) -> None:
+        """Leave the cores to others; may be called twice."""
+        self._locks.close()
+
+    def __enter__(self) -> ReservedCores:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def reserve_cores(num_engines: int) -> ReservedCores:
+    """Choose cores as `plan_cores` does, those first that no other pool of this user has locked.
+
+    With fewer free cores than engines, the remaining engines share cores with others. Where the
+    cache cannot be written to, nothing is locked, and every pool begins with the first core.
+    """
+    allowed = allowed_cores()
+    root = cache_root()
+    if not allowed or root is None:
+        return ReservedCores(plan_cores(num_engines, allowed))
+    # The cache may lie in a home folder that several machines mount.
+    folder = root / "cores" / (socket.gethostname() or "localhost")
+    taken: list[int] = []
+    others: list[int] = []
+    locks = ExitStack()
+    for core in allowed:
+        if len(taken) == num_engines:
+            break
         try:
-            os.sched_setaffinity(int(thread), cores)
-        except ProcessLookupError:
-            continue  # the thread ended meanwhile
+            locks.enter_context(file_lock(folder / f"core-{core}.lock", timeout_s=0.0))
+        except LockHeld:
+            others.append(core)
+        except OSError as error:
+            _log.debug("cores are not agreed upon with other processes: %s", error)
+            locks.close()
+            return ReservedCores(plan_cores(num_engines, allowed))
+        else:
+            taken.append(core)
+    return ReservedCores(_plan(num_engines, allowed, taken, others), locks)
 
 
 @contextmanager

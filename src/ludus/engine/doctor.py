@@ -14,9 +14,10 @@ from enum import StrEnum
 from pathlib import Path
 
 from ludus.engine.affinity import allowed_cores
-from ludus.engine.cache import cache_root, cached_records
+from ludus.engine.cache import cache_root, cached_engines
 from ludus.engine.find import search_engines
 from ludus.engine.kinds import EngineKind
+from ludus.engine.screen import find_xvfb
 from ludus.engine.template import cached_templates, matching_template
 from ludus.engine.version import release_name, show_version
 
@@ -133,19 +134,16 @@ def _screen() -> Finding:
     name = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if name:
         return Finding("screen", FindingStatus.OK, f"display {name}")
-    if shutil.which("xvfb-run") is None:
-        hint = "for camera observations: apt install xvfb xauth"
-        return Finding("screen", FindingStatus.WARN, "no display and no xvfb-run", hint)
-    return _software_renderer()
-
-
-def _software_renderer() -> Finding:
-    records = [record for _, record in cached_records(EngineKind.GODOT4)]
+    xvfb = find_xvfb()
+    install = "for pictures and films: ludus engine install godot4 --rendering"
+    if xvfb is None:
+        hint = f"{install}, or the system's package (Debian: apt install xvfb)"
+        return Finding("screen", FindingStatus.WARN, "no display and no Xvfb", hint)
+    records = [record for _, record in cached_engines(EngineKind.GODOT4)]
     if records and not any(record.has_rendering for record in records):
-        hint = "for camera observations: ludus engine install godot4 --rendering"
-        detail = "xvfb-run, but the engine in the cache came without a renderer"
-        return Finding("screen", FindingStatus.WARN, detail, hint)
-    return Finding("screen", FindingStatus.OK, "virtual, by xvfb-run")
+        detail = f"{xvfb}, but the engine in the cache came without a renderer"
+        return Finding("screen", FindingStatus.WARN, detail, install)
+    return Finding("screen", FindingStatus.OK, f"virtual, by {xvfb}")
 
 
 def _torch() -> Finding:

@@ -75,10 +75,14 @@ def needs_import(engine: InstalledEngine, project: Project) -> bool:
 
 def _import(engine: InstalledEngine, project: Project, timeout_s: float) -> None:
     _log.info("importing %s", project.root)
+    stamp = project.root / ".godot" / STAMP_NAME
+    # An import that fails, or whose files change meanwhile, leaves a cache that suits nothing. The
+    # old stamp must not vouch for it when the files change back.
+    stamp.unlink(missing_ok=True)
     before = _fingerprint(engine, project.root, with_generated=False)
     _run_import(engine, project, timeout_s)
     if _fingerprint(engine, project.root, with_generated=False) == before:
-        _write_stamp(project.root / ".godot" / STAMP_NAME, _fingerprint(engine, project.root))
+        _write_stamp(stamp, _fingerprint(engine, project.root))
 
 
 def _run_import(engine: InstalledEngine, project: Project, timeout_s: float) -> None:
@@ -114,7 +118,7 @@ def _fingerprint(engine: InstalledEngine, root: Path, *, with_generated: bool = 
 
 
 def _file_lines(folder: str, with_generated: bool) -> Iterator[str]:
-    """Yield path, size and time of every file that Godot may import."""
+    """Yield path, size and time of every file that Godot may import; of its own, the content."""
     with os.scandir(folder) as entries:
         listed = [entry for entry in entries if not entry.name.startswith(".")]
         is_ignored = Path(folder, ".gdignore").is_file()
@@ -133,7 +137,11 @@ def _leads_back(folder: os.DirEntry[str]) -> bool:
 
 def _describe_file(entry: os.DirEntry[str]) -> str:
     try:
+        if entry.name.endswith(_GENERATED_SUFFIXES):
+            # Projects that link to the same add-on rewrite these files for one another, with the
+            # same content: times would have each of them imported again after the others.
+            return f"{entry.path}\0{Path(entry.path).read_bytes()!r}\n"
         status = entry.stat()
-    except FileNotFoundError:  # a link to nothing, or just deleted
+    except OSError:  # a link to nothing, or just deleted
         return f"{entry.path}\0\n"
     return f"{entry.path}\0{status.st_size}\0{status.st_mtime_ns}\n"

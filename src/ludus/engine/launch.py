@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,14 +11,11 @@ from ludus.engine.bevy_game import bevy_command, is_bevy_game
 from ludus.engine.exported import exported_with
 from ludus.engine.find import InstalledEngine
 from ludus.engine.kinds import EngineKind
-from ludus.errors import SetupError
+from ludus.engine.screen import find_xvfb, has_screen, with_display
 
-__all__ = ["GodotFlags", "LaunchConfig", "executable_command", "godot_command", "with_display"]
+__all__ = ["GodotFlags", "LaunchConfig", "executable_command", "godot_command"]
 
 DEFAULT_FIXED_FPS = 60
-_SCREEN = "xvfb-run"
-_RUN_TIDILY = 'trap "exit 143" TERM; . "$0"'
-"""Runs a shell script so that a signal, which would end it at once, lets it clean up first."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,7 +109,7 @@ def _unseen(program: str, arguments: tuple[str, ...]) -> tuple[str, ...]:
         return (program, *arguments)
     command = (program, "--no-window", "--disable-render-loop", *arguments)
     # A game exported for servers needs no screen, and does not tell.
-    return with_display(command) if shutil.which(_SCREEN) else command
+    return with_display(command) if has_screen() or find_xvfb() else command
 
 
 def _engine_flags(kind: EngineKind, flags: GodotFlags) -> tuple[str, ...]:
@@ -138,22 +133,3 @@ def _godot4_display(flags: GodotFlags) -> list[str]:
 
 def _user_args(flags: GodotFlags) -> tuple[str, ...]:
     return ("--", *flags.user_args) if flags.user_args else ()
-
-
-def with_display(command: tuple[str, ...]) -> tuple[str, ...]:
-    """Give a command that opens a window a virtual screen, where there is no real one.
-
-    Raises:
-        SetupError: There is neither a screen nor ``xvfb-run``.
-    """
-    has_screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    if sys.platform != "linux" or has_screen:
-        return command
-    runner = shutil.which(_SCREEN)
-    if runner is None:
-        raise SetupError(
-            "the game needs a screen to render, and there is none",
-            hint="install Xvfb (Debian: apt install xvfb xauth), or run without rendering",
-        )
-    screen = (runner, "-a", "-s", "-screen 0 640x480x24")
-    return ("/bin/sh", "-c", _RUN_TIDILY, *screen, *command)

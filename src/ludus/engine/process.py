@@ -15,7 +15,7 @@ from ludus.engine.output import OutputDrain, mark_errors
 from ludus.engine.process_group import ProcessGroup
 from ludus.errors import EngineStartError
 
-__all__ = ["EngineProcess", "terminate_all"]
+__all__ = ["EngineProcess"]
 
 NUM_SHOWN_LINES = 20
 
@@ -29,17 +29,15 @@ _STATES = {
 }
 """What Linux says of a process's first thread (proc_pid_stat(5))."""
 
-_running: weakref.WeakSet[EngineProcess] = weakref.WeakSet()
-
 
 class EngineProcess:
     """A running game.
 
     It is ended by `terminate`, by leaving the ``with`` block, when the object is collected,
-    and when Python exits, whichever comes first. A SIGTERM ends Python without all this; who
-    installs a handler for it calls `terminate_all` there.
+    and when Python exits, whichever comes first. An unhandled SIGTERM ends Python without any of
+    this; the game then ends itself, since its trainer is gone.
 
-    A forked copy may look, but ends nothing.
+    A forked copy of this object can observe the process but does not end it.
     """
 
     def __init__(self, config: LaunchConfig, group: ProcessGroup, output: OutputDrain) -> None:
@@ -47,7 +45,6 @@ class EngineProcess:
         self._group = group
         self._output = output
         self._finalizer = weakref.finalize(self, group.terminate, config.grace_s)
-        _running.add(self)
 
     @classmethod
     def start(cls, config: LaunchConfig) -> EngineProcess:
@@ -139,7 +136,6 @@ class EngineProcess:
         if self._group.is_ours:
             self._finalizer.detach()
             self._output.join(_DRAIN_TIMEOUT_S)
-            _running.discard(self)
 
     def __enter__(self) -> EngineProcess:
         return self
@@ -154,12 +150,6 @@ class EngineProcess:
 
     def __repr__(self) -> str:
         return f"<EngineProcess {self.pid} {_describe_exit(self.poll())}>"
-
-
-def terminate_all() -> None:
-    """End every process that this process started; for signal handlers of programs."""
-    for process in list(_running):
-        process.terminate()
 
 
 def _describe_exit(code: int | None) -> str:

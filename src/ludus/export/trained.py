@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from ludus.errors import CheckpointError, ConfigError
 from ludus.networks.policy import Policy
-from ludus.runs.checkpoint import Checkpoint, read_checkpoint
-from ludus.runs.run_folder import RunFolder
-from ludus.runs.saved import load_policies
+from ludus.runs.checkpoint import Checkpoint
+from ludus.runs.saved import find_checkpoint, load_policies
 from ludus.spec import (
     ActionComponent,
     AgentSpec,
@@ -26,7 +25,7 @@ from ludus.spec import (
     PolicySpec,
 )
 
-__all__ = ["TrainedPolicy", "find_checkpoint", "load_trained", "spec_from_json"]
+__all__ = ["TrainedPolicy", "load_trained", "spec_from_json"]
 
 SAMPLES = "samples."
 """What recorded observations are called among the tensors of a learner."""
@@ -53,7 +52,7 @@ def load_trained(run: Path, choice: str = "newest", only: str | None = None) -> 
 
     Args:
         run: A run folder, or one of its checkpoints.
-        choice: As for :func:`find_checkpoint`.
+        choice: As for :func:`~ludus.runs.saved.find_checkpoint`.
         only: Name of the one policy to load; None loads all.
 
     Raises:
@@ -68,36 +67,6 @@ def load_trained(run: Path, choice: str = "newest", only: str | None = None) -> 
         TrainedPolicy(specs[name], policies[name], _recorded(checkpoint, specs[name]))
         for name in names
     ]
-
-
-def find_checkpoint(run: Path, choice: str = "newest") -> tuple[Path, Checkpoint]:
-    """Return a checkpoint and where it is.
-
-    Args:
-        run: A run folder, or one of its checkpoints, which is taken unless ``choice`` is ``best``.
-        choice: ``newest``, ``best`` (the highest mean return), or the path of a checkpoint, which
-            may be its mere name in the run.
-
-    Raises:
-        CheckpointError: There is no such run or checkpoint, or it is corrupt.
-    """
-    folder = RunFolder.find(run)
-    store = folder.checkpoints()
-    if choice == "best":
-        best = store.best()
-        if best is None:
-            raise CheckpointError(
-                f"no checkpoint of {folder.path} has a mean return yet",
-                "no episode had ended when they were saved; leave --checkpoint out",
-            )
-        return best, read_checkpoint(best)
-    if choice != "newest":
-        named = store.folder / choice
-        path = named if named.is_dir() else Path(choice)
-        return path, read_checkpoint(path)
-    if run.resolve() != folder.path.resolve():
-        return run, read_checkpoint(run)
-    return store.newest()
 
 
 def spec_from_json(value: Mapping[str, Any]) -> PolicySpec:

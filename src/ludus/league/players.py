@@ -15,6 +15,7 @@ from ludus.league.league import past_selves
 from ludus.networks.tensors import with_prefix
 from ludus.runs.checkpoint import Checkpoint, CheckpointStore, read_checkpoint
 from ludus.runs.run_folder import RunFolder
+from ludus.runs.saved import find_checkpoint
 from ludus.settings.merging import saved_policy
 from ludus.settings.policy_config import PolicyConfig
 
@@ -62,10 +63,8 @@ def load_players(run: Path) -> tuple[Path, Checkpoint, LeaguePlayers]:
     Raises:
         CheckpointError: There is no such run, or no checkpoint of it can be loaded.
     """
-    folder = RunFolder.find(run)
-    store = folder.checkpoints()
-    is_folder = run.resolve() == folder.path.resolve()
-    path, newest = store.newest() if is_folder else (run, read_checkpoint(run))
+    store = RunFolder.find(run).checkpoints()
+    path, newest = find_checkpoint(run)
     try:
         past = _of_league(newest) if "league" in newest.run else _of_store(store, newest)
         now = _of_checkpoint(newest, is_newest=True)

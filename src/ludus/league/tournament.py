@@ -41,12 +41,12 @@ class TournamentConfig:
 
     Attributes:
         episodes: Games of every two players.
-        is_deterministic: Take the most probable actions; otherwise draw them, as in training.
+        is_stochastic: Draw actions, as in training; otherwise take the most probable ones.
         seed: Of worlds and actions.
     """
 
     episodes: int = 20
-    is_deterministic: bool = False
+    is_stochastic: bool = True
     seed: int = 0
 
 
@@ -245,7 +245,7 @@ def _player(league_player: LeaguePlayer, pool: Pool, config: TournamentConfig) -
     policy = Policy(pool.policies[league_player.policy], league_player.settings)
     load_tensors(policy, league_player.tensors, "")
     generator = None
-    if not config.is_deterministic:
+    if config.is_stochastic:
         stream = f"{league_player.policy} {league_player.updates} {league_player.is_newest}"
         generator = torch.Generator().manual_seed(policy_seed(config.seed, stream))
     return Player(policy.eval(), pool.num_agents(league_player.policy), generator)

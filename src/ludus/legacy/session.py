@@ -9,17 +9,17 @@ from types import TracebackType
 from typing import Any
 
 from ludus.errors import GameError, SequenceError, UsageError
-from ludus.legacy.legacy_game import DialectGame
-from ludus.legacy.world import POLICY, DialectWorld, read_declaration
-from ludus.session.finite import check_finite
+from ludus.legacy.game import LegacyGame
+from ludus.legacy.world import POLICY, LegacyWorld, read_declaration
 from ludus.spec import PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batches, StepTimes
+from ludus.spec.finite import check_finite
 from ludus.wire.reset import ResetAction, ResetRequest
 
-__all__ = ["DialectSession"]
+__all__ = ["LegacySession"]
 
 
-class DialectSession:
+class LegacySession:
     """One game as a :class:`~ludus.session.Session`: one world, one policy, ``agent``.
 
     The episode of a world ends when those of all its agents have; it begins anew in the same step.
@@ -34,12 +34,12 @@ class DialectSession:
         ConfigError: There are no agents.
     """
 
-    def __init__(self, game: DialectGame, max_episode_steps: int | None = None) -> None:
+    def __init__(self, game: LegacyGame, max_episode_steps: int | None = None) -> None:
         self._game = game
         try:
             self._spec = read_declaration(game.declaration, max_episode_steps)
             (policy,) = self._spec.policies
-            self._world = DialectWorld(policy, game.declaration)
+            self._world = LegacyWorld(policy, game.declaration)
         except BaseException:
             game.close()
             raise
@@ -134,7 +134,7 @@ class DialectSession:
         return self._batches
 
     def call(self, target: Mapping[str, Any], method: str, arguments: Sequence[Any] = ()) -> Any:
-        """Call a method that the dialect offers, on ``{"world": 0}``; return its value.
+        """Call a method that the bridge offers, on ``{"world": 0}``; return its value.
 
         Raises:
             SequenceError: A step is under way, or the session is closed.
@@ -196,7 +196,7 @@ class _Ending:
     It does not know its session, which is collected as soon as nobody holds it.
     """
 
-    def __init__(self, game: DialectGame) -> None:
+    def __init__(self, game: LegacyGame) -> None:
         self._game = game
         self.is_closed = False
 

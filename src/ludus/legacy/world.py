@@ -1,4 +1,4 @@
-"""The one world of a dialect's game: its batch, its episodes, same-step autoreset."""
+"""The one world of a legacy game: its batch, its episodes, same-step autoreset."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ludus.errors import ActionError, ConfigError, GameError, ProtocolError
-from ludus.legacy.legacy_game import Declaration, Outcome
+from ludus.legacy.game import Declaration, Outcome
 from ludus.spec import AgentSpec, PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batch
 from ludus.spec.batch_rows import action_reader, clear_outcome, write_finals, write_state
 from ludus.spec.gymnasium_spec import read_action, read_observation
 
-__all__ = ["POLICY", "DialectWorld", "read_declaration"]
+__all__ = ["POLICY", "LegacyWorld", "read_declaration"]
 
 POLICY = "agent"
 """Name of the one policy; these wires know no names."""
 
 
-class DialectWorld:
+class LegacyWorld:
     """Turns what one game says into batches (PROTOCOL.md §7, "Meaning").
 
     Args:

@@ -32,7 +32,7 @@ GYM_GODOT_IDS = ("ludus/GymGodot-v0", "server-v0")
 
 
 def register_examples() -> None:
-    """Register the bundled examples, and the older bridges, as soon as Gymnasium is imported."""
+    """Register the bundled examples, and the legacy bridges, as soon as Gymnasium is imported."""
     if "gymnasium" in sys.modules:
         _register()
     else:

@@ -1,4 +1,4 @@
-"""Look for bytes again and again before going to sleep, as long as the core is free for that."""
+"""Poll a socket without sleeping while the core is free, and back off when it is not."""
 
 from __future__ import annotations
 
@@ -6,30 +6,29 @@ import socket
 import time
 from collections.abc import Callable
 
-__all__ = ["Spinner"]
+__all__ = ["BusyPoller"]
 
-_AWAY_S = 0.001
-"""Between one look and the next it takes so long only if the core was taken away meanwhile."""
-_MAX_LOST = 5
-"""Lost looks within `_LOST_WITHIN_S` that mean nothing: updates, or the system's own work."""
-_LOST_WITHIN_S = 0.1
-_FIRST_RESPITE_S = 0.1
-"""How long nobody looks then; twice as long each time that the core is soon lost again."""
-_LONGEST_RESPITE_S = 1.0
+_PREEMPTED_S = 0.001
+"""Two polls are further apart than this only if the system took the core away between them."""
+_MAX_MISSES = 5
+"""Misses within `_MISS_WINDOW_S` that are tolerated: training updates, or the system's own work."""
+_MISS_WINDOW_S = 0.1
+_FIRST_BACKOFF_S = 0.1
+"""Length of the first pause; it doubles each time that polling misses again soon after one."""
+_MAX_BACKOFF_S = 1.0
 
 
-class Spinner:
-    """Looks for bytes without sleeping, on a handle of its own.
+class BusyPoller:
+    """Reads without sleeping, on a second handle of a connection.
 
-    To wake up costs tens of microseconds, on both sides; to spin costs a core. Where another
-    process wants that core, perhaps the very one that is waited for, spinning would cost
-    milliseconds a message: each side looks in vain until the system takes the core away from it.
-    So who often finds nothing, or loses the core meanwhile, leaves it alone for a while: a tenth
-    of a second, or up to a second where that happens again and again.
+    Waking up costs tens of microseconds on both sides; polling costs a core. Where another process
+    needs that core, perhaps the very one that is to answer, polling would cost milliseconds a
+    message: each side polls until the system takes its core away. So after six empty or
+    interrupted polls within a tenth of a second, this side blocks for 0.1 s, doubling up to 1 s.
 
     Args:
         connection: Open socket; it keeps its timeout.
-        spin_s: How long to look, seconds.
+        spin_s: How long to poll before giving up, seconds.
         clock: Returns seconds.
     """
 
@@ -44,8 +43,8 @@ class Spinner:
         self._socket.setblocking(False)
         self._spin_s = spin_s
         self._clock = clock
-        self._respite_s, self._respite_until = 0.0, 0.0
-        self._lost_since, self._num_lost = 0.0, 0
+        self._backoff_s, self._backoff_until = 0.0, 0.0
+        self._misses_since, self._num_misses = 0.0, 0
 
     def read(self, view: memoryview) -> int | None:
         """Return the number of bytes read, 0 at the end of the stream, or None if nothing came.
@@ -54,10 +53,10 @@ class Spinner:
             OSError: The connection is broken.
         """
         now = self._clock()
-        if now < self._respite_until:
+        if now < self._backoff_until:
             return None
         end = now + self._spin_s
-        count, was_away = None, False
+        count, was_preempted = None, False
         while now < end and count is None:
             before = now
             try:
@@ -65,22 +64,22 @@ class Spinner:
             except BlockingIOError:
                 count = None
             now = self._clock()
-            if now - before > _AWAY_S:
-                was_away = True
-        if was_away or count is None:
-            self._note_lost(now)
+            if now - before > _PREEMPTED_S:
+                was_preempted = True
+        if was_preempted or count is None:
+            self._record_miss(now)
         return count
 
     def close(self) -> None:
         """Close the handle; may be called twice."""
         self._socket.close()
 
-    def _note_lost(self, now: float) -> None:
-        if now - self._lost_since > _LOST_WITHIN_S:
-            self._lost_since, self._num_lost = now, 0
-        self._num_lost += 1
-        if self._num_lost > _MAX_LOST:
-            is_soon = now - self._respite_until < _LONGEST_RESPITE_S
-            longer = 2.0 * self._respite_s if is_soon else 0.0
-            self._respite_s = min(max(longer, _FIRST_RESPITE_S), _LONGEST_RESPITE_S)
-            self._respite_until = now + self._respite_s
+    def _record_miss(self, now: float) -> None:
+        if now - self._misses_since > _MISS_WINDOW_S:
+            self._misses_since, self._num_misses = now, 0
+        self._num_misses += 1
+        if self._num_misses > _MAX_MISSES:
+            is_soon = now - self._backoff_until < _MAX_BACKOFF_S
+            longer = 2.0 * self._backoff_s if is_soon else 0.0
+            self._backoff_s = min(max(longer, _FIRST_BACKOFF_S), _MAX_BACKOFF_S)
+            self._backoff_until = now + self._backoff_s

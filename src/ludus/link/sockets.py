@@ -13,10 +13,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ludus.errors import EngineTimeout, ProtocolError
-from ludus.link.busy_poller import Spinner
+from ludus.link.busy_poller import BusyPoller
 from ludus.wire.frames import HEADER_BYTES, FrameType, decode_header
 
-__all__ = ["Link", "LinkClosed", "Listener", "connect"]
+__all__ = ["Link", "LinkClosed", "Listener", "connect", "listen_tcp"]
 
 _POLL_INTERVAL_S = 0.05
 
@@ -38,7 +38,7 @@ class Link:
 
     def __init__(self, connection: socket.socket, timeout_s: float, received: bytes = b"") -> None:
         self._socket = connection
-        self._spinner: Spinner | None = None
+        self._poller: BusyPoller | None = None
         self._timeout_s = timeout_s
         self._pending = received
         connection.settimeout(timeout_s)
@@ -131,17 +131,14 @@ class Link:
         return bytes(data)
 
     def spin(self, spin_s: float) -> None:
-        """Look for an answer again and again for ``spin_s`` seconds before going to sleep.
-
-        Not while somebody else needs the core, see :class:`~ludus.link.busy_poller.Spinner`.
-        """
-        if self._spinner is not None:
-            self._spinner.close()
-        self._spinner = Spinner(self._socket, spin_s) if spin_s > 0.0 else None
+        """Poll for ``spin_s`` seconds before a read sleeps; :class:`BusyPoller` says when not."""
+        if self._poller is not None:
+            self._poller.close()
+        self._poller = BusyPoller(self._socket, spin_s) if spin_s > 0.0 else None
 
     def _read(self, view: memoryview, deadline: float) -> int:
         try:
-            count = None if self._spinner is None else self._spinner.read(view)
+            count = None if self._poller is None else self._poller.read(view)
             if count is None:
                 count = self._socket.recv_into(view)
         except TimeoutError as error:
@@ -157,8 +154,8 @@ class Link:
     def close(self) -> None:
         """Close the connection; may be called twice."""
         self._pending = b""
-        if self._spinner is not None:
-            self._spinner.close()
+        if self._poller is not None:
+            self._poller.close()
         self._socket.close()
 
 
@@ -182,22 +179,19 @@ class Listener:
         path = self._folder / "engine"
         listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         listener.bind(os.fspath(path))
+        listener.listen(1)
         self._add(listener, f"unix:{path}")
 
     def _listen_tcp(self, address: tuple[str, int]) -> None:
-        listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            listener.bind(address)
+            listener = listen_tcp(address, 1)
         except OSError:
-            listener.close()
             self.close()
             raise
         host, port = listener.getsockname()
         self._add(listener, f"tcp:{host}:{port}")
 
     def _add(self, listener: socket.socket, address: str) -> None:
-        listener.listen(1)
         listener.setblocking(False)
         self._sockets.append(listener)
         self.addresses.append(address)
@@ -241,3 +235,22 @@ def connect(address: tuple[str, int], timeout_s: float) -> Link:
         OSError: Nothing listens there, or it did not answer in time.
     """
     return Link(socket.create_connection(address, timeout_s), timeout_s)
+
+
+def listen_tcp(address: tuple[str, int], backlog: int = 16) -> socket.socket:
+    """Listen at an address; port 0 takes a free one.
+
+    Raises:
+        OSError: Somebody listens there already, or the address is not of this machine.
+        OverflowError: That is no port.
+    """
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        if os.name == "posix":  # elsewhere it would let two servers share a port
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(address)
+        listener.listen(backlog)
+    except BaseException:
+        listener.close()
+        raise
+    return listener

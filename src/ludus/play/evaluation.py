@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
-from ludus.algorithms.learners import policy_seed
 from ludus.errors import RunError
-from ludus.networks.policy import Player, Policy
-from ludus.play.episodes import EpisodeTracker
+from ludus.play.episodes import EndedEpisodes
+from ludus.play.players import Act
+from ludus.play.playing import Play
 from ludus.pool.interface import Pool
 from ludus.spec.batch import Batch
 
-__all__ = ["Evaluation", "Quota", "evaluate", "seeded_generator"]
+__all__ = ["Evaluation", "evaluate", "play_round"]
 
 MAX_STEPS = 100_000
 """Steps after which an evaluation usually gives up waiting for episodes to end."""
@@ -65,28 +64,22 @@ class Evaluation:
         return sum(each >= goal_return for each in self.returns) / self.num_episodes
 
 
-class Quota:
-    """Counts the first episodes of each slot, a number fixed beforehand.
+class _Quota:
+    """The first episodes of each slot, a number fixed beforehand.
 
     Taking whichever episodes end first would favour short ones.
 
     Args:
         first: What a reset brought.
-        num_episodes: Episodes to count, spread evenly over the slots that are active.
-
-    Attributes:
-        returns: Of the episodes counted so far.
-        lengths: Their agent steps.
+        num_episodes: Episodes to count, spread evenly over the slots that are active; None: one
+            of each.
     """
 
-    def __init__(self, first: Batch, num_episodes: int) -> None:
-        self._tracker = EpisodeTracker(first.num_agents, first.num_agents)
-        self._rows = slice(0, first.num_agents)
-        self._tracker.begin(self._rows, first)
+    def __init__(self, first: Batch, num_episodes: int | None = None) -> None:
         slots = first.active.nonzero()[0]
         self._left = np.zeros(first.num_agents, np.int64)
         if len(slots):
-            each, more = divmod(num_episodes, len(slots))
+            each, more = divmod(len(slots) if num_episodes is None else num_episodes, len(slots))
             self._left[slots] = each
             self._left[slots[:more]] += 1
         self.returns: list[float] = []
@@ -97,28 +90,16 @@ class Quota:
         """Whether all episodes have been counted."""
         return not self._left.any()
 
-    def record(self, batch: Batch) -> None:
-        """Take what a step of all engines brought."""
-        ended = self._tracker.record(self._rows, batch)
-        if not len(ended):
-            return
-        returns = list(self._tracker.returns)[-len(ended) :]
-        lengths = list(self._tracker.lengths)[-len(ended) :]
-        for slot, episode_return, length in zip(ended.tolist(), returns, lengths, strict=True):
-            if self._left[slot]:
-                self._left[slot] -= 1
-                self.returns.append(episode_return)
-                self.lengths.append(length)
+    def add(self, ended: EndedEpisodes) -> None:
+        """Count those of the episodes that belong to it."""
+        counted = self._left[ended.slots] > 0
+        self._left[ended.slots[counted]] -= 1
+        self.returns += ended.returns[counted].tolist()
+        self.lengths += ended.lengths[counted].tolist()
 
 
 def evaluate(
-    policies: Mapping[str, Policy],
-    pool: Pool,
-    episodes: int = 20,
-    *,
-    sampled: Collection[str] = (),
-    seed: int = 0,
-    max_steps: int = MAX_STEPS,
+    act: Act, pool: Pool, episodes: int = 20, *, seed: int = 0, max_steps: int = MAX_STEPS
 ) -> dict[str, Evaluation]:
     """Play ``episodes`` episodes of every policy and return how they went.
 
@@ -126,33 +107,20 @@ def evaluate(
     learnt meanwhile; observation statistics stay as they are.
 
     Args:
-        policies: One for each policy of the pool.
+        act: Decides what agents do; see :mod:`ludus.play.players`.
         pool: Reset before; in the middle of episodes afterwards.
         episodes: Complete episodes of each policy.
-        sampled: Names of policies whose actions are drawn, as in training; the others take their
-            most probable ones.
-        seed: Seed of worlds and samples.
+        seed: Seed of worlds.
         max_steps: Steps of the pool after which it gives up waiting for episodes to end.
 
     Raises:
         RunError: Some episodes did not end within ``max_steps`` steps.
     """
-    players = {
-        name: Player(
-            policy,
-            pool.num_agents(name),
-            seeded_generator(policy, seed) if name in sampled else None,
-        )
-        for name, policy in policies.items()
-    }
-    batches = pool.reset(seed)
-    quotas = {name: Quota(batches[name], episodes) for name in policies}
-    for _ in range(max_steps):
-        if all(quota.is_met for quota in quotas.values()):
+    play = Play(pool, act, seed)
+    quotas = {name: _Quota(batch, episodes) for name, batch in play.batches.items()}
+    for num_steps, _ in enumerate(_fill(quotas, play)):
+        if num_steps == max_steps:
             break
-        batches = pool.step({name: player.act(batches[name]) for name, player in players.items()})
-        for name, quota in quotas.items():
-            quota.record(batches[name])
     for name, quota in quotas.items():
         if not quota.is_met or not quota.returns:
             raise RunError(
@@ -163,6 +131,35 @@ def evaluate(
     return {name: Evaluation.of(quota.returns, quota.lengths) for name, quota in quotas.items()}
 
 
-def seeded_generator(policy: Policy, seed: int) -> torch.Generator:
-    """Return a random stream that no other policy of a run with ``seed`` has."""
-    return torch.Generator(policy.device).manual_seed(policy_seed(seed, policy.spec.name))
+def play_round(
+    act: Act, pool: Pool, seed: int, is_stopping: Callable[[], bool]
+) -> dict[str, Evaluation] | None:
+    """Play until every slot that began has ended its first episode; otherwise as :func:`evaluate`.
+
+    Args:
+        act: Decides what agents do.
+        pool: Reset before; in the middle of episodes afterwards.
+        seed: Of the worlds.
+        is_stopping: Asked before each step.
+
+    Returns:
+        How the episodes went, by policy; None if ``is_stopping`` said so first.
+    """
+    play = Play(pool, act, seed)
+    quotas = {name: _Quota(batch) for name, batch in play.batches.items()}
+    for _ in _fill(quotas, play):
+        if is_stopping():
+            return None
+    return {
+        name: Evaluation.of(quota.returns, quota.lengths)
+        for name, quota in quotas.items()
+        if quota.returns
+    }
+
+
+def _fill(quotas: Mapping[str, _Quota], play: Play) -> Iterator[None]:
+    """Play until all quotas are met; yield before each step."""
+    while not all(quota.is_met for quota in quotas.values()):
+        yield
+        for name, ended in play.step().items():
+            quotas[name].add(ended)

@@ -12,44 +12,49 @@ from ludus.spec.batch import ActionBatch, Batch
 
 __all__ = ["RandomActions"]
 
+STEPS_AT_ONCE = 64
+"""One call for many steps costs little more than one for a single step."""
+
 
 class RandomActions:
-    """A script of ``num_steps`` random steps for every agent of one engine.
+    """Draws a random legal action for every agent, step by step.
 
-    The agents of a world draw from a stream of their own, seeded with the world's seed, so a world
-    gets the same actions alone and among others. After ``num_steps`` steps the script repeats.
+    The agents of a world draw from a random stream seeded with the world's seed, so a world gets
+    the same actions alone and among others.
 
     Args:
         spec: What the engine declared.
-        world_seeds: A seed per world.
-        num_steps: Length of the script.
+        world_seeds: A seed per world; those of all engines to act in all of them.
     """
 
-    def __init__(self, spec: Spec, world_seeds: Sequence[int], num_steps: int) -> None:
-        self._policies = {policy.name: policy for policy in spec.policies}
-        self._num_steps = num_steps
-        self._draws = {
-            policy.name: np.concatenate(
-                [_draws(policy, index, seed, num_steps) for seed in world_seeds], axis=1
-            )
-            for index, policy in enumerate(spec.policies)
-        }
+    def __init__(self, spec: Spec, world_seeds: Sequence[int]) -> None:
+        self._policies = spec.policies
+        self._streams = [
+            [np.random.default_rng([seed % (1 << 64), index]) for seed in world_seeds]
+            for index in range(len(spec.policies))
+        ]
+        self._drawn: list[NDArray[np.float64]] = []
+        self._step = 0
 
-    def at(self, step: int, batches: Mapping[str, Batch]) -> dict[str, ActionBatch]:
-        """Return the actions of a step, chosen among those that the masks in ``batches`` allow."""
+    def act(self, batches: Mapping[str, Batch]) -> dict[str, ActionBatch]:
+        """Return the actions of the next step, among those that the masks in ``batches`` allow."""
+        step = self._step % STEPS_AT_ONCE
+        if step == 0:
+            self._drawn = [
+                np.concatenate([_draw(policy, stream) for stream in streams], axis=1)
+                for policy, streams in zip(self._policies, self._streams, strict=True)
+            ]
+        self._step += 1
         return {
-            name: _to_actions(
-                policy, self._draws[name][step % self._num_steps], batches[name].action_mask
-            )
-            for name, policy in self._policies.items()
+            policy.name: _to_actions(policy, drawn[step], batches[policy.name].action_mask)
+            for policy, drawn in zip(self._policies, self._drawn, strict=True)
         }
 
 
-def _draws(policy: PolicySpec, index: int, seed: int, num_steps: int) -> NDArray[np.float64]:
-    """Return numbers in [0, 1): ``float64[num_steps, agents_per_world, components]``."""
-    generator = np.random.default_rng([seed % (1 << 64), index])
-    shape = (num_steps, policy.agents_per_world, policy.num_discrete + policy.continuous_size)
-    return generator.random(shape)
+def _draw(policy: PolicySpec, stream: np.random.Generator) -> NDArray[np.float64]:
+    """Return numbers in [0, 1): ``float64[STEPS_AT_ONCE, agents_per_world, components]``."""
+    size = policy.num_discrete + policy.continuous_size
+    return stream.random((STEPS_AT_ONCE, policy.agents_per_world, size))
 
 
 def _to_actions(

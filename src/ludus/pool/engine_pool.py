@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ludus.engine import CorePlan, ReservedCores
 from ludus.errors import (
     EngineCrashed,
     EngineError,
@@ -41,18 +42,29 @@ class EnginePool:
         open_engine: Starts engine *k* and returns its session.
         num_engines: How many to start; all start at once.
         max_restarts: Restarts until an error is passed on.
+        cores: Where the engines run; left to others when the pool is closed.
 
     Raises:
         EngineError: An engine did not start; the others are ended.
     """
 
     def __init__(
-        self, open_engine: Callable[[int], Session], num_engines: int = 1, max_restarts: int = 0
+        self,
+        open_engine: Callable[[int], Session],
+        num_engines: int = 1,
+        max_restarts: int = 0,
+        cores: ReservedCores | None = None,
     ) -> None:
         self._open_engine = open_engine
         self._max_restarts = max_restarts
         self._num_restarts = 0
-        self._sessions: list[Session] = _open_all(open_engine, num_engines)
+        self._cores = cores or ReservedCores(CorePlan((None,) * num_engines, None))
+        self._sessions: list[Session] = []
+        try:
+            self._sessions = _open_all(open_engine, num_engines)
+        except BaseException:
+            self._cores.close()
+            raise
         self._spec = self._sessions[0].spec
         for engine in range(num_engines):
             self._check_spec(engine)
@@ -83,6 +95,11 @@ class EnginePool:
     def num_restarts(self) -> int:
         """Engines restarted so far."""
         return self._num_restarts
+
+    @property
+    def learner_cores(self) -> tuple[int, ...] | None:
+        """Cores that pinned engines leave to Python; None where engines are not pinned."""
+        return self._cores.plan.learner
 
     @property
     def sessions(self) -> Sequence[Session]:
@@ -202,8 +219,11 @@ class EnginePool:
 
     def close(self) -> None:
         """End all engines; may be called twice."""
-        for session in self._sessions:
-            session.close()
+        try:
+            for session in self._sessions:
+                session.close()
+        finally:
+            self._cores.close()
 
     def __enter__(self) -> EnginePool:
         return self

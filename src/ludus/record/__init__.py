@@ -5,10 +5,9 @@
     recording     what to film, with whom, how long; `ludus record`
     game_film     a Godot game in a window
     gym_film      a Gymnasium environment that renders to arrays
-    playing       plays a pool until the film is long enough
-    players       trained runs, policy files, chance
+    shot          which frames are taken, and until when
     camera        takes the frames of a Godot game; recorder.gd sends them
-    screen        a screen of its own where there is none
+    screen        a screen where there is none
     film          encodes frames into a file
     palette       the colours of a GIF
     film_kinds    .mp4, .webm, .gif

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
+import itertools
 from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
@@ -13,18 +13,15 @@ from numpy.typing import NDArray
 
 from ludus.errors import ConfigError, TargetError
 from ludus.folder_imports import look_in_current_folder
-from ludus.pool.gymnasium_pool import GymnasiumPool
-from ludus.pool.interface import Pool
-from ludus.record.film import Film, Frame
-from ludus.record.players import Act
-from ludus.record.playing import Play
+from ludus.play.players import MakePlayer
+from ludus.pool import EnginePool
+from ludus.record.film import Frame
+from ludus.record.shot import Shot
+from ludus.session.gymnasium_session import GymEnv, GymnasiumSession
 
-__all__ = ["GYMNASIUM_PREFIX", "env_rate", "film_gymnasium", "make_rendering"]
+__all__ = ["env_rate", "film_gymnasium", "make_rendering"]
 
-GYMNASIUM_PREFIX = "gym:"
 RENDER_MODE = "rgb_array"
-
-GymEnv = gymnasium.Env[Any, Any]
 
 
 def make_rendering(env_id: str, max_episode_steps: int | None) -> GymEnv:
@@ -63,53 +60,30 @@ def env_rate(env: GymEnv) -> Fraction:
     return Fraction(rate).limit_denominator(1000)
 
 
-def film_gymnasium(
-    env: GymEnv,
-    player: Callable[[Pool], Act],
-    film: Film,
-    *,
-    every: int,
-    num_frames: int,
-    num_skipped: int,
-    num_episodes: int | None,
-    seed: int,
-) -> dict[str, int]:
-    """Film an environment; return how many episodes have ended.
+def film_gymnasium(env: GymEnv, player: MakePlayer, shot: Shot) -> dict[str, int]:
+    """Film an environment: the first state of every episode, and the state after each step.
 
     Args:
         env: As :func:`make_rendering` makes it; closed afterwards.
         player: From the pool to the way to act in it.
-        film: Gets the first state of every episode, and the state after each step.
-        every: Frames of the environment for one of the film.
-        num_frames: Longest film, frames.
-        num_skipped: Frames of the film left out at the beginning.
-        num_episodes: End after so many; None: never.
-        seed: Of the environment.
+        shot: What is taken.
+
+    Returns:
+        How many episodes have ended.
 
     Raises:
         TargetError: It renders something that is no picture.
         RunError: The film could not be written.
     """
-    counter = _Counter(film, every, num_skipped)
-    filmed = _Filmed(env, counter.take)
-    with contextlib.closing(GymnasiumPool("", open_env=lambda: filmed)) as pool:
-        play = Play(pool, player(pool), seed)
-        play.run(num_episodes, lambda: film.num_frames >= num_frames)
-        return dict(play.num_episodes)
+    frames = itertools.count()
 
+    def shoot(frame: Any) -> None:
+        if shot.takes(next(frames)):
+            shot.film.add(_checked(frame))
 
-class _Counter:
-    """Passes on every so many frames, from some number on."""
-
-    def __init__(self, film: Film, every: int, num_skipped: int) -> None:
-        self._film, self._every = film, every
-        self._count = -num_skipped * every
-
-    def take(self, frame: Any) -> None:
-        is_wanted = self._count >= 0 and self._count % self._every == 0
-        self._count += 1
-        if is_wanted:
-            self._film.add(_checked(frame))
+    filmed = _Filmed(env, shoot)
+    with EnginePool(lambda _: GymnasiumSession([filmed])) as pool:
+        return shot.play(pool, player, lambda: shot.is_full)
 
 
 def _checked(frame: Any) -> Frame:

@@ -5,18 +5,18 @@ from __future__ import annotations
 import base64
 import binascii
 import contextlib
-from collections.abc import Callable
+import itertools
 from fractions import Fraction
 from typing import Any, cast
 
 import numpy as np
 
 from ludus.errors import GameError, TargetError
+from ludus.play.players import MakePlayer
 from ludus.pool import EnginePool
 from ludus.pool.interface import Pool
-from ludus.record.film import Film, Frame
-from ludus.record.players import Act
-from ludus.record.playing import Play
+from ludus.record.film import Frame
+from ludus.record.shot import Shot
 
 __all__ = ["film_pictures", "picture_rate", "take_picture"]
 
@@ -30,46 +30,30 @@ def picture_rate(pool: Pool) -> Fraction:
     return ticks / pool.spec.ticks_per_step
 
 
-def film_pictures(
-    pool: EnginePool,
-    player: Callable[[Pool], Act],
-    film: Film,
-    *,
-    every: int,
-    num_frames: int,
-    num_skipped: int,
-    num_episodes: int | None,
-    seed: int,
-) -> dict[str, int]:
-    """Film a world; return how many episodes of each policy have ended.
+def film_pictures(pool: EnginePool, player: MakePlayer, shot: Shot) -> dict[str, int]:
+    """Film the first world: its first state, and the state after each step.
 
     Args:
-        pool: Of one engine; its first world is filmed.
+        pool: Of one engine.
         player: From the pool to the way to act in it.
-        film: Gets the first state, and the state after each step.
-        every: Steps for one frame of the film.
-        num_frames: Longest film, frames.
-        num_skipped: Frames of the film left out at the beginning.
-        num_episodes: End after so many of every policy; None: never.
-        seed: Of the world.
+        shot: What is taken.
+
+    Returns:
+        How many episodes of each policy have ended.
 
     Raises:
         TargetError: The game gives no pictures.
         EngineError: The game failed.
         RunError: The film could not be written.
     """
-    play = Play(pool, player(pool), seed)
-    num_steps = 0
+    steps = itertools.count()
 
     def shoot() -> bool:
-        nonlocal num_steps
-        if num_steps >= num_skipped * every and num_steps % every == 0:
-            film.add(take_picture(pool))
-        num_steps += 1
-        return film.num_frames >= num_frames
+        if shot.takes(next(steps)):
+            shot.film.add(take_picture(pool))
+        return shot.is_full
 
-    play.run(num_episodes, shoot)
-    return dict(play.num_episodes)
+    return shot.play(pool, player, shoot)
 
 
 def take_picture(pool: EnginePool, world: int = 0) -> Frame:

@@ -1,5 +1,5 @@
 extends SceneTree
-## Sends what the window shows to Python, frame by frame: recorder.gd in the older dialect.
+## Sends what the window shows to Python, frame by frame: recorder.gd for Godot 3.
 
 const VARIABLE := "LUDUS_RECORD"
 const BEGIN := 98

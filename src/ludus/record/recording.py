@@ -8,14 +8,22 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
-from ludus.engine import Target, TargetKind, resolve_target
 from ludus.engine.bevy_build import with_view
 from ludus.errors import ConfigError, TargetError
+from ludus.play.players import MakePlayer, load_player, random_player
 from ludus.pool import PoolConfig, open_pool
-from ludus.pool.interface import Pool
 from ludus.record.film import Film, check_out
 from ludus.record.film_kinds import choose_rate
-from ludus.record.players import Act, file_player, find_run, random_player, run_player
+from ludus.record.shot import Shot
+from ludus.target import (
+    Executable,
+    Gymnasium,
+    Scene,
+    check_accepted,
+    find_run,
+    parse_target,
+    prepare,
+)
 
 __all__ = ["RecordConfig", "Recorded", "record"]
 
@@ -107,30 +115,39 @@ def record(config: RecordConfig) -> Recorded:
     config = _with_run(config)
     _check(config)
     check_out(config.out)
-    if config.target.startswith("gym:"):
-        return _record_gymnasium(config)
-    target = resolve_target(with_view(config.target), scene=config.scene, godot=config.godot)
-    if target.kind is TargetKind.EXECUTABLE:
-        return _record_pictures(config, target)
-    return _record_game(config, target)
+    target = parse_target(with_view(config.target), scene=config.scene, godot=config.godot)
+    check_accepted("record", target)
+    game = prepare(target)
+    match game:
+        case Gymnasium():
+            return _record_gymnasium(config, game)
+        case Executable():
+            return _record_pictures(config, game)
+        case Scene():
+            return _record_game(config, game)
+        case _:
+            raise AssertionError("check_accepted refuses it")
 
 
 def _with_run(config: RecordConfig) -> RecordConfig:
     """Take from a run what it was trained with."""
-    target = find_run(Path(config.target))
-    if target is not None:
-        config = replace(config, policy=config.policy or (target,))
-    run = find_run(config.policy[0]) if len(config.policy) == 1 else None
-    if run is None:
+    target = Path(config.target)
+    if is_run := find_run(target) is not None:
+        run = target
+        if not config.policy and not config.is_random:
+            config = replace(config, policy=(target,))
+    elif len(config.policy) == 1 and find_run(config.policy[0]) is not None:
+        run = config.policy[0]
+    else:
         return config
-    from ludus.runs.run_folder import RunFolder
+    from ludus.runs.saved import trained_config
 
-    trained = RunFolder.find(run).read_config()
+    trained = trained_config(run, scene=config.scene, godot=config.godot)
     return replace(
         config,
-        target=config.target if target is None else trained.target,
-        scene=config.scene or (trained.scene if target is not None else None),
-        godot=config.godot or trained.godot,
+        target=trained.target if is_run else config.target,
+        scene=trained.scene if is_run else config.scene,
+        godot=trained.godot,
         ticks_per_step=trained.ticks_per_step,
         max_episode_steps=trained.max_episode_steps,
     )
@@ -155,14 +172,10 @@ def _check(config: RecordConfig) -> None:
             raise ConfigError(f"there is no run or policy file {path}", hint="ludus runs")
 
 
-def _player(config: RecordConfig) -> Callable[[Pool], Act]:
+def _player(config: RecordConfig) -> MakePlayer:
     if not config.policy:
         return lambda pool: random_player(pool, config.seed)
-    run = find_run(config.policy[0]) if len(config.policy) == 1 else None
-    samples = config.is_stochastic
-    if run is not None:
-        return lambda pool: run_player(pool, run, config.seed, is_stochastic=samples)
-    return lambda pool: file_player(pool, config.policy, config.seed, is_stochastic=samples)
+    return lambda pool: load_player(config.policy, pool, config.seed, config.is_stochastic)
 
 
 def _pool_config(config: RecordConfig) -> PoolConfig:
@@ -173,79 +186,63 @@ def _pool_config(config: RecordConfig) -> PoolConfig:
     )
 
 
-def _record_game(config: RecordConfig, target: Target) -> Recorded:
+def _record_game(config: RecordConfig, scene: Scene) -> Recorded:
     from ludus.record import game_film
 
-    rate = game_film.game_rate(game_film.require_project(target))
-    film_rate = choose_rate(check_out(config.out), rate, config.frames_per_second)
-    ended: dict[str, int] = {}
-    with Film(config.out, film_rate, config.width) as film:
-        shot = game_film.Shot(
-            film=film,
-            every=int(rate / film_rate),
-            num_frames=_frames(config.longest, film_rate),
-            num_episodes=config.num_episodes,
-            num_skipped=round(config.start * film_rate),
-            window=config.window,
-            seed=config.seed,
-        )
+    def take(shot: Shot) -> dict[str, int]:
         if config.policy or config.is_random:
-            ended = game_film.film_played(target, _pool_config(config), _player(config), shot)
-        else:
-            game_film.film_alone(target, shot)
-    return Recorded(config.out, film.num_frames, film_rate, ended)
+            return game_film.film_played(scene, _pool_config(config), _player(config), shot)
+        game_film.film_alone(scene, shot)
+        return {}
+
+    return _film(config, game_film.game_rate(scene), take)
 
 
-def _record_pictures(config: RecordConfig, target: Target) -> Recorded:
+def _record_pictures(config: RecordConfig, game: Executable) -> Recorded:
     from ludus.record import picture_film
 
     if not (config.policy or config.is_random):
         raise TargetError(
-            f"{target.name} is an exported game, which is filmed only while somebody plays it",
+            f"{game.name} is an exported game, which is filmed only while somebody plays it",
             hint="use --policy or --random with a game made with Bevy; of one made with Godot, "
             "film the project that it was exported from",
         )
-    assert target.executable is not None, "it is an executable"
-    with open_pool(target.executable, _pool_config(config)) as pool:
-        rate = picture_film.picture_rate(pool)
-        film_rate = choose_rate(check_out(config.out), rate, config.frames_per_second)
-        with Film(config.out, film_rate, config.width) as film:
-            ended = picture_film.film_pictures(
-                pool,
-                _player(config),
-                film,
-                every=int(rate / film_rate),
-                num_frames=_frames(config.longest, film_rate),
-                num_skipped=round(config.start * film_rate),
-                num_episodes=config.num_episodes,
-                seed=config.seed,
-            )
-    return Recorded(config.out, film.num_frames, film_rate, ended)
+    with open_pool(game, _pool_config(config)) as pool:
+        return _film(
+            config,
+            picture_film.picture_rate(pool),
+            lambda shot: picture_film.film_pictures(pool, _player(config), shot),
+        )
 
 
-def _record_gymnasium(config: RecordConfig) -> Recorded:
+def _record_gymnasium(config: RecordConfig, target: Gymnasium) -> Recorded:
     from ludus.record import gym_film
     from ludus.record.screen import screen
 
-    env_id = config.target.removeprefix(gym_film.GYMNASIUM_PREFIX)
     with screen(), contextlib.ExitStack() as stack:
-        env = gym_film.make_rendering(env_id, config.max_episode_steps)
+        env = gym_film.make_rendering(target.env_id, config.max_episode_steps)
         stack.callback(env.close)
-        rate = gym_film.env_rate(env)
-        film_rate = choose_rate(check_out(config.out), rate, config.frames_per_second)
-        with Film(config.out, film_rate, config.width) as film:
-            ended = gym_film.film_gymnasium(
-                env,
-                _player(config),
-                film,
-                every=int(rate / film_rate),
-                num_frames=_frames(config.longest, film_rate),
-                num_skipped=round(config.start * film_rate),
-                num_episodes=config.num_episodes,
-                seed=config.seed,
-            )
-    return Recorded(config.out, film.num_frames, film_rate, ended)
+        return _film(
+            config,
+            gym_film.env_rate(env),
+            lambda shot: gym_film.film_gymnasium(env, _player(config), shot),
+        )
 
 
-def _frames(seconds: float, rate: Fraction) -> int:
-    return max(1, round(seconds * rate))
+def _film(
+    config: RecordConfig, game_rate: Fraction, take: Callable[[Shot], dict[str, int]]
+) -> Recorded:
+    """Write the film that ``take`` takes of a game with ``game_rate`` frames a second."""
+    rate = choose_rate(check_out(config.out), game_rate, config.frames_per_second)
+    with Film(config.out, rate, config.width) as film:
+        shot = Shot(
+            film=film,
+            every=int(game_rate / rate),
+            num_frames=max(1, round(config.longest * rate)),
+            num_episodes=config.num_episodes,
+            num_skipped=round(config.start * rate),
+            seed=config.seed,
+            window=config.window,
+        )
+        num_episodes = take(shot)
+    return Recorded(config.out, film.num_frames, rate, num_episodes)

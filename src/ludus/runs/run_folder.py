@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any
 from ludus.disk import disk_errors, write_atomically
 from ludus.errors import CheckpointError, RunError
 from ludus.locks import LockHeld, file_lock
+from ludus.target import GYMNASIUM_PREFIX, find_run
 
 if TYPE_CHECKING:
     from ludus.runs.checkpoint import CheckpointStore
@@ -86,13 +87,13 @@ class RunFolder:
         Raises:
             CheckpointError: There is no run.
         """
-        for folder in (path, path.parent.parent):
-            if (folder / "config.json").is_file():
-                return cls(folder)
-        raise CheckpointError(
-            f"{path} is not a run: it has no config.json",
-            "name a folder that ludus train made, such as runs/cartpole-…",
-        )
+        run = find_run(path)
+        if run is None:
+            raise CheckpointError(
+                f"{path} is not a run: it has no config.json",
+                "name a folder that ludus train made, such as runs/cartpole-…",
+            )
+        return cls(run.folder)
 
     @property
     def metrics(self) -> Path:
@@ -196,8 +197,8 @@ class RunFolder:
 
 
 def _slug(target: str) -> str:
-    if target.startswith("gym:"):
-        stem = target.removeprefix("gym:")
+    if target.startswith(GYMNASIUM_PREFIX):
+        stem = target.removeprefix(GYMNASIUM_PREFIX)
     else:
         stem = Path(target).stem if Path(target).exists() else Path(target).name
     return re.sub(r"[^A-Za-z0-9._-]+", "-", stem).strip("-.") or "run"

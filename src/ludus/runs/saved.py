@@ -1,18 +1,36 @@
-"""Load the policies of a run, to evaluate, play or export them."""
+"""Take over from a run what it was trained with: settings, checkpoint, policies."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+from ludus.errors import CheckpointError
 from ludus.networks.policy import Policy
 from ludus.networks.tensors import load_tensors
 from ludus.runs.checkpoint import Checkpoint, check_spec, read_checkpoint
 from ludus.runs.run_folder import RunFolder
 from ludus.settings.merging import saved_policy
+from ludus.settings.train_config import TrainConfig
 from ludus.spec import PolicySpec
 
-__all__ = ["load_policies"]
+__all__ = ["find_checkpoint", "load_policies", "trained_config"]
+
+
+def trained_config(run: Path, **changes: Any) -> TrainConfig:
+    """Return the settings that a run was trained with.
+
+    Args:
+        run: A run folder, or one of its checkpoints.
+        changes: Settings to take instead, where they are not None.
+
+    Raises:
+        CheckpointError: There is no such run.
+    """
+    given = {name: value for name, value in changes.items() if value is not None}
+    return replace(RunFolder.find(run).read_config(), **given)
 
 
 def load_policies(run: Path, policies: Mapping[str, PolicySpec]) -> dict[str, Policy]:
@@ -26,16 +44,39 @@ def load_policies(run: Path, policies: Mapping[str, PolicySpec]) -> dict[str, Po
         CheckpointError: There is no such run, no checkpoint can be loaded, or it was trained for
             other observations or actions.
     """
-    path, checkpoint = _find(run)
+    path, checkpoint = find_checkpoint(run)
     check_spec(checkpoint.fingerprints, policies, path)
     return {name: _load(checkpoint, name, spec) for name, spec in policies.items()}
 
 
-def _find(run: Path) -> tuple[Path, Checkpoint]:
+def find_checkpoint(run: Path, choice: str = "newest") -> tuple[Path, Checkpoint]:
+    """Return a checkpoint and where it is.
+
+    Args:
+        run: A run folder, or one of its checkpoints, which is taken unless ``choice`` is ``best``.
+        choice: ``newest``, ``best`` (the highest mean return), or the path of a checkpoint, which
+            may be its mere name in the run.
+
+    Raises:
+        CheckpointError: There is no such run or checkpoint, or it is corrupt.
+    """
     folder = RunFolder.find(run)
+    store = folder.checkpoints()
+    if choice == "best":
+        best = store.best()
+        if best is None:
+            raise CheckpointError(
+                f"no checkpoint of {folder.path} has a mean return yet",
+                "no episode had ended when they were saved; leave --checkpoint out",
+            )
+        return best, read_checkpoint(best)
+    if choice != "newest":
+        named = store.folder / choice
+        path = named if named.is_dir() else Path(choice)
+        return path, read_checkpoint(path)
     if run.resolve() != folder.path.resolve():
         return run, read_checkpoint(run)
-    return folder.checkpoints().newest()
+    return store.newest()
 
 
 def _load(checkpoint: Checkpoint, name: str, spec: PolicySpec) -> Policy:

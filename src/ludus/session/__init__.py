@@ -1,6 +1,6 @@
 """One engine: handshake, reset, step, call, close.
 
-:class:`Session` is the seam between engines and everything above. Any engine and any dialect that
+:class:`Session` is the seam between engines and everything above. Any engine and any bridge that
 implements it can be trained.
 """
 

@@ -84,7 +84,7 @@ class PPOConfig:
     clip_range: float = 0.2
     value_clip_range: float | None = None
     value_coefficient: float = 0.5
-    entropy_coefficient: float = 0.0
+    entropy_coefficient: float = 0.01
     max_grad_norm: float = 0.5
     target_kl: float | None = None
     normalise_advantage: bool = True

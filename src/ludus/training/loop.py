@@ -15,6 +15,7 @@ from ludus.algorithms.learner import Learner
 from ludus.algorithms.learners import make_learners
 from ludus.errors import DivergenceError, RunError, UsageError
 from ludus.play.evaluation import MAX_STEPS, Evaluation, evaluate
+from ludus.play.players import trained_player
 from ludus.pool.interface import Pool
 from ludus.runs.checkpoint import check_spec
 from ludus.runs.curve import draw_learning_curve
@@ -155,7 +156,8 @@ def _evaluate(
     max_steps = MAX_STEPS if has_limits else ENDLESS_STEPS
     num_episodes = config.evaluation_episodes
     try:
-        evaluation = evaluate(policies, pool, num_episodes, seed=seed, max_steps=max_steps)
+        act = trained_player(policies, pool, seed)
+        evaluation = evaluate(act, pool, num_episodes, seed=seed, max_steps=max_steps)
     except RunError as error:
         # The run itself is whole; an agent that has learned to survive may play for ever.
         log.warning("no evaluation: %s; %s", error.message, error.hint)

@@ -22,7 +22,7 @@ from ludus.runs.checkpoint import Checkpoint
 from ludus.runs.run_folder import RunFolder
 from tests.serve.guided.conftest import Running
 from tests.serve.guided.godot_game import DEADLINE_S, NUM_WORLDS, GodotGame, make_project
-from tests.serve.guided.test_door import BUSY, Stranger
+from tests.serve.guided.test_game_server import BUSY, Client
 from tests.serve.guided.test_guidance import await_result
 
 pytestmark = pytest.mark.engine
@@ -141,11 +141,11 @@ def test_others_at_the_door_and_a_mistake(server: Running, play: Play) -> None:
     game = play(server.port)
     game.train()
     second = play(server.port)
-    stranger, half = Stranger(server.port), Stranger(server.port)
-    with stranger.socket, half.socket:
-        half.say(b"\x40\x00\x00\x00\x01\x00")
-        stranger.say(b"GET / HTTP/1.1\r\n\r\n")
-        assert stranger.report()["code"] == "frame"
+    client, half = Client(server.port), Client(server.port)
+    with client.socket, half.socket:
+        half.send(b"\x40\x00\x00\x00\x01\x00")
+        client.send(b"GET / HTTP/1.1\r\n\r\n")
+        assert client.report()["code"] == "frame"
         assert BUSY["message"] in second.await_state("offline")["message"]
         seen = game.await_updates(0)["updates"]
         game.await_updates(seen + 5)
@@ -209,4 +209,4 @@ def test_the_command_ends_with_the_game_or_a_signal(
     checkpoint = RunFolder(runs / "pennies").checkpoints().newest()[1]
     assert checkpoint.agent_steps >= seen["agent_steps"]
     assert "Traceback" not in served.text()
-    assert f"came in: godot {kind.value[-1]}" in served.log.read_text()
+    assert f"connected: godot {kind.value[-1]}" in served.log.read_text()

@@ -9,8 +9,8 @@ const PYTHON_SETTING := "ludus/training/python"
 ## Environment variable with the same, for one machine.
 const PYTHON_VARIABLE := "LUDUS_PYTHON"
 const FOLDERS_ABOVE := 3
-## Exits with 0 if Ludus is there, without importing it. With [code]-P[/code], here and below, Python
-## does not import from the folder that the game was started in.
+## Exits with 0 if Ludus is there, without importing it. With [code]-P[/code], here and below,
+## Python does not import from the folder that the game was started in.
 const PROBE := "import importlib.util, sys; sys.exit(importlib.util.find_spec('ludus') is None)"
 
 ## Why there is no trainer, or an empty text.

@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ludus.errors import ConfigError, GameError
+from ludus.legacy.gymgodot.connecting import DEFAULT_RENDER_PATH
 
-__all__ = ["DEFAULT_RENDER_PATH", "Frames", "check_saved"]
-
-DEFAULT_RENDER_PATH = "./render_frames/"
-"""Where the game saves frames unless told otherwise; as seen from the game's working folder."""
+__all__ = ["Frames", "check_saved"]
 
 _ERROR_NAMES = {
     1: "FAILED",

@@ -31,9 +31,9 @@ __all__ = [
     "step_request",
 ]
 
-RESET_REQUEST = '{"cmd": "reset"}'
-RENDER_REQUEST = '{"cmd": "render"}'
-CLOSE_REQUEST = '{"cmd": "close"}'
+RESET_REQUEST = b'{"cmd": "reset"}'
+RENDER_REQUEST = b'{"cmd": "render"}'
+CLOSE_REQUEST = b'{"cmd": "close"}'
 
 _HINT = "is what connected a GymGodot project? Ludus's own add-on is driven by ludus.make"
 _NUM_SHOWN = 80
@@ -54,9 +54,9 @@ class StepAnswer:
     is_done: bool
 
 
-def step_request(action: Any) -> str:
+def step_request(action: Any) -> bytes:
     """Return the request for one step; ``action`` is a list of numbers."""
-    return json.dumps({"cmd": "step", "action": action}, allow_nan=False)
+    return json.dumps({"cmd": "step", "action": action}, allow_nan=False).encode()
 
 
 def read_step(message: bytes) -> StepAnswer:

@@ -4,7 +4,7 @@
 
     serving         puts all of it together
     server          sockets, threads, deadlines
-    dialect         what messages mean: a table from command to what answers it
+    commands        what messages mean: a table from command to what answers it
     agents          all agents of a project, and when they are saved
     checkpoints     what is saved, under which name
     agent           one agent: SAC over one vector

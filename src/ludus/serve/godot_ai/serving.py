@@ -1,4 +1,4 @@
-"""Put a server together: files, agents, dialect, sockets."""
+"""Put a server together: files, agents, commands, sockets."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ludus.errors import RunError, TargetError
 from ludus.locks import LockHeld, file_lock
 from ludus.networks.device import choose_device
 from ludus.serve.godot_ai.agents import Agents
-from ludus.serve.godot_ai.dialect import GodotAi
+from ludus.serve.godot_ai.commands import GodotAi
 from ludus.serve.godot_ai.project_files import ProjectFiles
 from ludus.serve.godot_ai.server import Server, ServerConfig
 

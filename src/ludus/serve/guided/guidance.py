@@ -15,6 +15,8 @@ from ludus.errors import LudusError, UsageError
 from ludus.export.convert import to_model
 from ludus.export.places import place_files
 from ludus.model.json_file import write_model
+from ludus.play.evaluation import play_round
+from ludus.play.players import trained_player
 from ludus.pool.interface import Pool
 from ludus.runs.control import (
     PlayRound,
@@ -29,7 +31,6 @@ from ludus.runs.control import (
 )
 from ludus.runs.run_list import StopReason
 from ludus.serve.guided.game_run import GameRun
-from ludus.serve.guided.rounds import play_round
 from ludus.session import GuidedSession
 from ludus.training.progress import SilentReporter
 
@@ -141,9 +142,13 @@ class Guidance:
         policies = {name: learner.policy for name, learner in self._run.learners.items()}
         self._num_rounds += 1
         seed = (self._run.config.seed or 0) + ROUND_SEED * self._num_rounds
-        score = play_round(policies, self._pool, seed, lambda: is_stopping() or self._is_leaving())
-        if score is not None:
-            self._told_once["round"] = score
+        act = trained_player(policies, self._pool, seed)
+        played = play_round(act, self._pool, seed, lambda: is_stopping() or self._is_leaving())
+        if played is not None:
+            self._told_once["round"] = {
+                name: {"mean_return": of.mean_return, "episodes": of.num_episodes}
+                for name, of in played.items()
+            }
             self._say("played a round")
             self._next = self._after_round
 

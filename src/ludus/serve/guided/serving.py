@@ -1,4 +1,4 @@
-"""Serve one game after the other, and see to what is left when one goes."""
+"""Serve one game after the other, and clean up when one goes."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from ludus.errors import EngineCrashed, EngineStartError, LudusError
 from ludus.networks.device import choose_device
 from ludus.pool.engine_pool import EnginePool
 from ludus.pool.opening import spin_us_beside
-from ludus.serve.guided.door import Door, Visitor
 from ludus.serve.guided.game_run import game_config, opened_run
+from ludus.serve.guided.game_server import ConnectedGame, GameServer
 from ludus.serve.guided.guidance import Game, Guidance
 from ludus.session import GuidedSession
 from ludus.session.supervision import Supervision
@@ -43,7 +43,7 @@ class GuidedConfig:
         seed: Of new runs whose game names none; None draws one.
         device: PyTorch device, or ``auto``.
         torch_threads: Threads PyTorch may use.
-        hello_timeout_s: How long a greeting may take.
+        hello_timeout_s: How long a HELLO may take.
         first_game_timeout_s: With ``is_once``, how long to wait for a game.
         start_timeout_s: How long a game may take to make its worlds.
         step_timeout_s: How long an answer may take.
@@ -76,85 +76,88 @@ def serve_guided(
         SetupError: The port is taken.
         ConfigError: A setting does not fit.
         RunError: The folder of the runs cannot be made.
-        EngineStartError: With ``is_once``, no game has come.
+        EngineStartError: With ``is_once``, no game connected.
         LudusError: With ``is_once``, what went wrong with the game, if it did not merely go away.
     """
     choose_device(_settings(config).device)
     torch.set_num_threads(config.torch_threads)
     with disk_errors(f"the folder of the runs, {config.runs}"):
         config.runs.mkdir(parents=True, exist_ok=True)
-    with Door(config.port, config.hello_timeout_s, config.start_timeout_s) as door:
-        on_ready(door.port)
-        _serve_all(door, config, is_stopping)
+    with GameServer(config.port, config.hello_timeout_s, config.start_timeout_s) as server:
+        on_ready(server.port)
+        _serve_all(server, config, is_stopping)
 
 
-def _serve_all(door: Door, config: GuidedConfig, is_stopping: Callable[[], bool]) -> None:
+def _serve_all(server: GameServer, config: GuidedConfig, is_stopping: Callable[[], bool]) -> None:
     deadline = time.monotonic() + config.first_game_timeout_s
     while not is_stopping():
-        visitor = door.let_in(POLL_S)
-        if visitor is not None:
+        game = server.accept(POLL_S)
+        if game is not None:
             try:
-                was_served = _serve_one(visitor, config, is_stopping)
+                was_served = _serve_one(game, config, is_stopping)
             finally:
-                door.let_out()
+                server.release()
             if was_served and config.is_once:
                 return
         elif config.is_once and time.monotonic() > deadline:
             raise EngineStartError(
                 f"no game connected within {config.first_game_timeout_s:g} s",
-                "leave --once out to wait for ever",
+                "without --once, ludus serve waits for ever",
             )
 
 
-def _serve_one(visitor: Visitor, config: GuidedConfig, is_stopping: Callable[[], bool]) -> bool:
-    """Serve a game until it goes; what goes wrong is told to it, and logged.
+def _serve_one(game: ConnectedGame, config: GuidedConfig, is_stopping: Callable[[], bool]) -> bool:
+    """Serve a game until it disconnects; errors are reported to it, and logged.
 
     Returns:
-        Whether it was a game, which told its spec.
+        Whether it sent its spec.
 
     Raises:
-        Exception: With ``is_once``, what went wrong, if the game did not merely go away.
+        Exception: With ``is_once``, what went wrong, unless the game simply disconnected.
     """
-    log.info("%s came in: %s, add-on %s", visitor.name, visitor.hello.engine, visitor.hello.addon)
+    log.info("%s connected: %s, add-on %s", game.name, game.hello.engine, game.hello.addon)
     was_served = False
     try:
-        with closing(_greet(visitor, config)) as session:
+        with closing(_open_session(game, config)) as session:
             was_served = True
-            _train(session, visitor, config, is_stopping)
+            _train(session, game, config, is_stopping)
     except EngineCrashed as error:
-        log.info("%s has gone: %s", visitor.name, error.message)
+        log.info("%s disconnected: %s", game.name, error.message)
     except Exception as error:
         if config.is_once:
             raise
         is_known = isinstance(error, LudusError)
-        log.error("%s: %s", visitor.name, error, exc_info=None if is_known else error)
+        log.error("%s: %s", game.name, error, exc_info=None if is_known else error)
     else:
-        log.info("%s: the conversation has ended", visitor.name)
+        log.info("%s: the conversation has ended", game.name)
     return was_served
 
 
-def _greet(visitor: Visitor, config: GuidedConfig) -> GuidedSession:
-    engine = EngineConfig(num_worlds=visitor.training.num_worlds, spin_us=spin_us_beside(1))
+def _open_session(game: ConnectedGame, config: GuidedConfig) -> GuidedSession:
+    engine = EngineConfig(num_worlds=game.training.num_worlds, spin_us=spin_us_beside(1))
     timeout_s = config.step_timeout_s
-    return GuidedSession(visitor.link, engine, Supervision(None), step_timeout_s=timeout_s)
+    return GuidedSession(game.link, engine, Supervision(None), step_timeout_s=timeout_s)
 
 
 def _train(
     session: GuidedSession,
-    visitor: Visitor,
+    game: ConnectedGame,
     config: GuidedConfig,
     is_stopping: Callable[[], bool],
 ) -> None:
     pool = EnginePool(lambda _: session)
-    wanted = visitor.training
+    wanted = game.training
     settings = replace(
         _settings(config),
         seed=config.seed if wanted.seed is None else wanted.seed,
         keep_every_updates=wanted.checkpoint_every_updates,
     )
-    with _told_to(session), opened_run(game_config(settings, wanted.run, pool), pool) as run:
+    with (
+        _reporting_errors_to(session),
+        opened_run(game_config(settings, wanted.run, pool), pool) as run,
+    ):
         guidance = Guidance(Game(session, pool), run, config.policies)
-        with _told_to(session):  # at once: what follows takes time
+        with _reporting_errors_to(session):  # at once: what follows takes time
             run.stop_reason = guidance.conduct(is_stopping)
             session.close()
 
@@ -169,8 +172,8 @@ def _settings(config: GuidedConfig) -> TrainConfig:
 
 
 @contextmanager
-def _told_to(session: GuidedSession) -> Generator[None, None, None]:
-    """Tell the game of an error, unless it knows already."""
+def _reporting_errors_to(session: GuidedSession) -> Generator[None, None, None]:
+    """Report an error to the game, unless it caused it."""
     try:
         yield
     except LudusError as error:

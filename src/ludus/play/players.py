@@ -1,0 +1,163 @@
+"""Who decides what agents do: trained policies, policy files, or chance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ludus.errors import ConfigError
+from ludus.model import ModelRunner, read_model
+from ludus.play.random_actions import RandomActions
+from ludus.pool.interface import Pool
+from ludus.spec.batch import ActionBatch, Batch, Batches
+
+if TYPE_CHECKING:
+    from ludus.networks.policy import Policy
+
+__all__ = [
+    "Act",
+    "MakePlayer",
+    "Stochastic",
+    "load_player",
+    "random_player",
+    "trained_player",
+]
+
+Act = Callable[[Batches], Mapping[str, ActionBatch]]
+"""From what all agents see to what they do; called once for every step, in order."""
+
+MakePlayer = Callable[[Pool], Act]
+"""From a pool that was opened to the way to act in it."""
+
+Stochastic = bool | Collection[str]
+"""Which policies draw their actions, as in training: all, none, or those named.
+
+The others take their most probable action.
+"""
+
+
+def random_player(pool: Pool, seed: int) -> Act:
+    """Take random legal actions; world *i* draws from a stream seeded with ``seed + i``."""
+    num_worlds = pool.num_engines * pool.spec.num_worlds
+    return RandomActions(pool.spec, range(seed, seed + num_worlds)).act
+
+
+def trained_player(
+    policies: Mapping[str, Policy], pool: Pool, seed: int, stochastic: Stochastic = False
+) -> Act:
+    """Act as trained networks do.
+
+    Args:
+        policies: One for each policy of the pool.
+        pool: Where they act.
+        seed: Of drawn actions.
+        stochastic: Which policies draw their actions.
+
+    Raises:
+        ConfigError: ``stochastic`` names a policy that is none of the pool's.
+    """
+    import torch
+
+    from ludus.algorithms.learners import policy_seed
+    from ludus.networks.policy import Player
+
+    drawing = _drawing(stochastic, pool)
+    players: dict[str, Player] = {}
+    for name, policy in policies.items():
+        generator = None
+        if name in drawing:
+            generator = torch.Generator(policy.device).manual_seed(policy_seed(seed, name))
+        players[name] = Player(policy, pool.num_agents(name), generator)
+    return _join(players)
+
+
+def load_player(
+    paths: Sequence[Path], pool: Pool, seed: int, stochastic: Stochastic = False
+) -> Act:
+    """Act as a run or policy files say.
+
+    Args:
+        paths: A run folder, one of its checkpoints, or policy files (protocol/POLICY.md), one for
+            each policy of the pool.
+        pool: Where they act.
+        seed: Of drawn actions.
+        stochastic: Which policies draw their actions.
+
+    Raises:
+        CheckpointError: The run has no checkpoint, or was trained for something else.
+        PolicyFileError: A file cannot be read.
+        ConfigError: The files are not the policies of the pool, or ``stochastic`` names a policy
+            that is none of the pool's.
+    """
+    if len(paths) == 1 and paths[0].is_dir():
+        from ludus.runs.saved import load_policies
+
+        return trained_player(load_policies(paths[0], pool.policies), pool, seed, stochastic)
+    drawing = _drawing(stochastic, pool)
+    return _join({
+        name: _FilePlayer(runner, np.random.default_rng((seed, i)) if name in drawing else None)
+        for i, (name, runner) in enumerate(_read_files(paths, pool).items())
+    })  # fmt: skip
+
+
+class _PolicyPlayer(Protocol):
+    """Acts in all slots of one policy."""
+
+    def act(self, batch: Batch) -> ActionBatch: ...
+
+
+def _join(players: Mapping[str, _PolicyPlayer]) -> Act:
+    return lambda batches: {name: player.act(batches[name]) for name, player in players.items()}
+
+
+def _drawing(stochastic: Stochastic, pool: Pool) -> Collection[str]:
+    """Return the policies that draw their actions."""
+    if isinstance(stochastic, bool):
+        return pool.policies if stochastic else ()
+    for name in stochastic:
+        if name not in pool.policies:
+            raise ConfigError(
+                f"--stochastic: there is no policy {name!r}",
+                f"the policies are {', '.join(pool.policies)}",
+            )
+    return stochastic
+
+
+def _read_files(files: Sequence[Path], pool: Pool) -> dict[str, ModelRunner]:
+    """Return what plays each policy of the pool, in the pool's order."""
+    models = [read_model(file) for file in files]
+    runners = {model.policy: ModelRunner(model) for model in models}
+    if runners.keys() != pool.policies.keys():
+        raise ConfigError(
+            f"the game has the policies {', '.join(pool.policies)}; "
+            f"the files hold {', '.join(runners)}",
+            hint="name one file for each policy, each with its own --policy",
+        )
+    for name, spec in pool.policies.items():
+        if runners[name].model.fingerprint != spec.fingerprint():
+            raise ConfigError(
+                f"the policy {name} was trained for other observations or actions than the game's",
+                hint="was the game changed since? train it again",
+            )
+    return {name: runners[name] for name in pool.policies}
+
+
+class _FilePlayer:
+    """Plays a policy file, and forgets where an episode has ended."""
+
+    def __init__(self, runner: ModelRunner, generator: np.random.Generator | None) -> None:
+        self._runner = runner
+        self._generator = generator
+        self._memory: NDArray[Any] | None = None
+
+    def act(self, batch: Batch) -> ActionBatch:
+        if self._memory is not None:
+            self._memory[batch.final_index] = 0.0
+        actions, self._memory = self._runner.act(
+            batch.observation, batch.action_mask, self._memory, self._generator
+        )
+        return actions

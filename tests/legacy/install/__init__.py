@@ -1,0 +1,1 @@
+"""`ludus addon install --legacy` in projects written for another add-on."""
