@@ -172,6 +172,10 @@ class PolicySpec:
         """Slots of this policy in one engine."""
         return len(self.agents)
 
+    def world_slots(self, world: int) -> slice:
+        """Return the slots of one world."""
+        return slice(world * self.agents_per_world, (world + 1) * self.agents_per_world)
+
     @cached_property
     def nvec(self) -> tuple[int, ...]:
         """``n`` of each discrete component, in order."""
