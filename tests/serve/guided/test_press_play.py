@@ -182,7 +182,7 @@ def test_without_a_python_the_game_says_so_and_goes_on(
 
 
 @pytest.mark.alone
-def test_time_passes_faster_than_in_the_world(desk: Desk) -> None:
+def test_training_runs_faster_than_real_time(desk: Desk) -> None:
     desk.press_play()
     desk.await_steps(0)
     await_that(lambda: "training, at 0" in desk.said(), desk.said)
