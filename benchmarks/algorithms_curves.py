@@ -17,7 +17,7 @@ from algorithms_tasks import TASKS, Task, our_run, save, their_model
 
 from ludus.play.evaluation import evaluate
 from ludus.play.players import load_player
-from ludus.pool.gymnasium_pool import GymnasiumPool
+from ludus.pool import PoolConfig, open_pool
 from ludus.runs.checkpoint import read_checkpoint
 
 Curve = dict[int, float]
@@ -49,7 +49,7 @@ class Curves:
 
 def our_curve(task: Task, seed: int, options: Curves) -> tuple[Curve, float]:
     """Train, then evaluate every checkpoint; return the curve and the seconds of training."""
-    pool = GymnasiumPool(task.env_id, num_worlds=options.episodes)
+    pool = open_pool(f"gym:{task.env_id}", PoolConfig(num_worlds=options.episodes))
     with tempfile.TemporaryDirectory() as folder:
         result = our_run(task, seed, options.threads, Path(folder))
         curve: Curve = {}

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import tyro
 
-from ludus.engine import resolve_target
 from ludus.session import EngineSession, open_session
 from ludus.spec.batch import ActionBatch
+from ludus.target import Example
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
 
@@ -40,7 +40,7 @@ def main(settings: Settings) -> None:
     print("| worlds | cameras | pictures/s |\n|---|---|---|")
     for layout, num_worlds in SIZES:
         config = EngineConfig(num_worlds=num_worlds, layout=layout)
-        session = open_session(resolve_target(TARGET), config)
+        session = open_session(Example(TARGET), config)
         session.reset(ResetRequest.all_worlds(num_worlds, 0))
         num_cameras = session.policies[POLICY].num_agents
         rounds = [steps_per_s(session, settings.seconds) for _ in range(NUM_ROUNDS)]

@@ -15,9 +15,10 @@ import numpy as np
 import tyro
 
 from ludus.addon import install_addon
-from ludus.engine import EngineKind, resolve_target
+from ludus.engine import EngineKind
 from ludus.session import EngineSession, LaunchOptions, open_session
 from ludus.spec.batch import ActionBatch
+from ludus.target import Scene, parse_target, prepare
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
 
@@ -147,7 +148,8 @@ def write_project(folder: Path, engine: EngineKind) -> None:
 
 def images_per_s(folder: Path, kind: str, layout: str, settings: Settings) -> float:
     """Return how many pictures a second a scene gives."""
-    target = resolve_target(folder, scene=f"res://eye_{kind}.tscn")
+    target = prepare(parse_target(folder, scene=f"res://eye_{kind}.tscn"))
+    assert isinstance(target, Scene)
     config = EngineConfig(num_worlds=settings.num_worlds, layout=layout)
     session = open_session(target, config, LaunchOptions(has_renderer=True))
     session.reset(ResetRequest.all_worlds(settings.num_worlds, 0))

@@ -27,7 +27,7 @@ from ludus.algorithms.learner import LearnerSettings
 from ludus.algorithms.ppo import PPO, Transitions
 from ludus.networks.networks import Inputs
 from ludus.networks.policy import Policy
-from ludus.pool.gymnasium_pool import GymnasiumPool
+from ludus.pool import PoolConfig, open_pool
 
 TASK = TASKS["hopper-ppo"]
 STEPS = PPO_DEFAULTS.rollout_steps
@@ -45,7 +45,7 @@ class Pair:
     def __init__(self, seed: int) -> None:
         torch.set_num_threads(1)
         self.theirs: Any = their_model(TASK, seed)
-        self.pool = GymnasiumPool(TASK.env_id)
+        self.pool = open_pool(f"gym:{TASK.env_id}")
         self.policy = Policy(self.pool.policies["agent"], PPO_DEFAULTS)
         self.ours = PPO(self.policy, PPO_DEFAULTS, LearnerSettings([slice(0, 1)], seed))
 
@@ -195,7 +195,7 @@ def main(seed: int = 0, num_updates: int = 5, num_rollouts: int = 3) -> None:
     pair = Pair(seed)
     compare_updates(pair, num_updates)
     compare_advantages(pair, num_rollouts)
-    pair.pool = GymnasiumPool(TASK.env_id, max_episode_steps=37)
+    pair.pool = open_pool(f"gym:{TASK.env_id}", PoolConfig(max_episode_steps=37))
     compare_advantages(pair, num_rollouts)
 
 

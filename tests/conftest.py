@@ -1,8 +1,10 @@
-"""What every run of the tests says at its end, and what it hides from some tests.
+"""What every run of the tests says at its end, and what is different while a test runs.
 
 A test without the mark ``engine`` finds no engine. A test with the mark ``screen`` is left out
 where nothing can be drawn; the last lines of the run name what was left out and what brings it.
 With ``CI=true`` a run that left anything out has failed.
+
+Imports of Godot projects are kept (see `kept_imports`).
 
 A busy machine, or a shell that starts the tests in the background, changes nothing. Nor does
 chance: every test starts from the same random numbers.
@@ -24,15 +26,21 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
-from ludus.engine import EngineKind, InstalledEngine, find_engine, with_display
-from ludus.engine.debian_template import DebianTemplateRoute
-from ludus.engine.install_template import install_template
-from ludus.engine.official_template import OfficialTemplateRoute
-from ludus.engine.template import ExportTemplate
+from ludus.engine import (
+    EngineKind,
+    ExportTemplate,
+    InstalledEngine,
+    find_engine,
+    importing,
+    install_template,
+    template_installers,
+    with_display,
+)
 from ludus.errors import SetupError
+from tests.kept_imports import KeptImports
 
 _left_out: Counter[str] = Counter()
-_hidden = pytest.StashKey[pytest.MonkeyPatch]()
+_patches = pytest.StashKey[pytest.MonkeyPatch]()
 
 # How long an example takes says more about the machine than about what is tested. The examples are
 # the same in every run; `--hypothesis-profile=default` looks for new ones.
@@ -56,7 +64,7 @@ def godot4() -> InstalledEngine:
 def template(godot4: InstalledEngine) -> ExportTemplate:
     """The real export template; a machine that cannot get one fails these tests."""
     # Debian's first: the official archive has the templates of all platforms, ten times the size.
-    return install_template(godot4, routes=(DebianTemplateRoute(), OfficialTemplateRoute()))
+    return install_template(godot4, installers=template_installers(godot4)[::-1])
 
 
 def pytest_configure() -> None:
@@ -71,8 +79,10 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     if item.get_closest_marker("screen") and (reason := _why_nothing_is_drawn()):
         pytest.skip(reason)
     _seed_generators()
+    patch = item.stash[_patches] = pytest.MonkeyPatch()
+    if not item.nodeid.startswith("tests/engine/"):  # there, the import itself is tested
+        patch.setattr("ludus.engine.importing._run_import", _kept_imports(item.config).run)
     if not (item.get_closest_marker("engine") or item.get_closest_marker("screen")):
-        patch = item.stash[_hidden] = pytest.MonkeyPatch()
         patch.setenv("XDG_CACHE_HOME", _empty_cache().name)
         for variable in ("LUDUS_GODOT", "LUDUS_GODOT3"):
             patch.delenv(variable, raising=False)
@@ -80,9 +90,16 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.hookimpl(trylast=True)
 def pytest_runtest_teardown(item: pytest.Item) -> None:
-    """Show the engines again."""
-    if _hidden in item.stash:
-        item.stash[_hidden].undo()
+    """Take back what the test saw differently."""
+    if _patches in item.stash:
+        item.stash[_patches].undo()
+
+
+@cache
+def _kept_imports(config: pytest.Config) -> KeptImports:
+    folder = config.rootpath / ".pytest_cache" / "godot_imports"
+    folder.mkdir(parents=True, exist_ok=True)
+    return KeptImports(folder, getattr(importing, "_run_import"))  # noqa: B009 - it is private
 
 
 @cache

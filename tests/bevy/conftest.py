@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from ludus.engine import resolve_target
 from ludus.session import EngineSession, LaunchOptions, open_session
 from ludus.wire.handshake import EngineConfig
 from tests.legacy.gymgodot.conftest import command_of, started_processes
+from tests.targets import find_executable, find_game
 
 TARGET = "bevy:cartpole"
 
@@ -20,9 +20,7 @@ Open = Callable[..., EngineSession]
 @pytest.fixture(scope="session")
 def executable() -> Path:
     """The example, built; a machine without Cargo fails these tests."""
-    target = resolve_target(TARGET)
-    assert target.executable is not None
-    return target.executable
+    return find_executable(TARGET)
 
 
 @pytest.fixture
@@ -33,7 +31,7 @@ def open_game(executable: Path) -> Iterator[Open]:
     def open_one(step_timeout_s: float = 60.0, **config: object) -> EngineSession:
         options = LaunchOptions(start_timeout_s=60.0, step_timeout_s=step_timeout_s)
         settings = EngineConfig(**config)  # pyright: ignore[reportArgumentType]
-        session = open_session(resolve_target(executable), settings, options)
+        session = open_session(find_game(executable), settings, options)
         sessions.append(session)
         return session
 

@@ -9,12 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from ludus.engine import GodotFlags, bundled, executable_command, resolve_target
+from ludus.engine import GodotFlags, bundled, executable_command
 from ludus.engine.bevy_build import bevy_example_names, build_bevy_example
 from ludus.engine.bevy_game import is_bevy_game
-from ludus.engine.target import TargetKind
 from ludus.errors import SetupError, TargetError
+from ludus.target import Executable
 from tests.bevy.conftest import TARGET
+from tests.targets import find_game
 
 pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(180, func_only=True)]
 
@@ -23,17 +24,16 @@ FLAGS = GodotFlags(user_args=("--ludus-connect=unix:/a",))
 
 def test_the_example_is_a_target(executable: Path) -> None:
     assert TARGET in bevy_example_names()
-    target = resolve_target(TARGET)
-    assert (target.kind, target.name) == (TargetKind.EXECUTABLE, "cartpole")
-    assert target.executable == executable
-    assert target.find_engine() is None
+    target = find_game(TARGET)
+    assert target == Executable(executable)
+    assert target.name == "cartpole"
     with pytest.raises(TargetError, match="decides itself"):
-        resolve_target(TARGET, scene="res://a.tscn")
+        find_game(TARGET, scene="res://a.tscn")
 
 
 def test_unknown_examples_are_told_of_known_ones() -> None:
     with pytest.raises(TargetError) as caught:
-        resolve_target("bevy:cartpool")
+        find_game("bevy:cartpool")
     assert "close: bevy:cartpole" in caught.value.message
 
 

@@ -14,7 +14,6 @@ import pytest
 from numpy.typing import NDArray
 
 from ludus.check import CheckConfig, run_checks
-from ludus.engine import resolve_target
 from ludus.errors import SetupError, TargetError
 from ludus.record import RecordConfig, record
 from ludus.session import EngineSession, LaunchOptions, open_session
@@ -22,6 +21,7 @@ from ludus.spec.batch import ActionBatch, Batch
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetAction, ResetRequest
 from tests.record.games import frames_of
+from tests.targets import find_executable, find_game
 
 pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(900)]
 
@@ -41,14 +41,12 @@ State = dict[str, Any]
 
 @pytest.fixture(scope="module")
 def executable() -> Path:
-    target = resolve_target(TARGET)
-    assert target.executable is not None
-    return target.executable
+    return find_executable(TARGET)
 
 
 def open_beacon(executable: Path, **config: object) -> EngineSession:
     settings = EngineConfig(**config)  # pyright: ignore[reportArgumentType]
-    return open_session(resolve_target(executable), settings, LaunchOptions(start_timeout_s=60.0))
+    return open_session(find_game(executable), settings, LaunchOptions(start_timeout_s=60.0))
 
 
 @pytest.fixture(scope="module", params=["grid", "isolated"])

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ludus.engine import resolve_target
 from ludus.engine.bundled import bevy_workspace
 from ludus.record import RecordConfig, record
 from tests.record.games import frames_of
+from tests.targets import find_executable
 
 pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(900)]
 
@@ -46,13 +46,13 @@ def film(out: Path, seconds: float, *policy: Path) -> list[NDArray[np.uint8]]:
 
 
 def test_a_build_for_films_leaves_the_other_alone() -> None:
-    before = resolve_target(TARGET).executable
+    before = find_executable(TARGET)
     assert before is not None
     content = before.read_bytes()
-    pictured = resolve_target(f"{TARGET}+view").executable
+    pictured = find_executable(f"{TARGET}+view")
     assert pictured is not None
     assert before.read_bytes() == content != pictured.read_bytes()
-    again = resolve_target(TARGET).executable
+    again = find_executable(TARGET)
     assert again == before
     assert before.read_bytes() == content
 

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-from ludus.engine import resolve_target
 from ludus.errors import (
     EngineCrashed,
     EngineError,
@@ -27,6 +26,7 @@ from ludus.session import EngineSession, LaunchOptions, open_session
 from ludus.wire.handshake import EngineConfig
 from tests.bevy.conftest import Open
 from tests.godot.conftest import is_gone, reset, step
+from tests.targets import find_game
 
 pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(180, func_only=True)]
 
@@ -75,10 +75,10 @@ def test_a_closed_session_ends_the_game(open_game: Open) -> None:
 
 OPEN_AND_WAIT = """
 import sys
-from ludus.engine import resolve_target
 from ludus.session import open_session
+from ludus.target import parse_target
 from ludus.wire.handshake import EngineConfig
-session = open_session(resolve_target(sys.argv[1]), EngineConfig())
+session = open_session(parse_target(sys.argv[1]), EngineConfig())
 print(session.pid, flush=True)
 sys.stdin.read()
 """
@@ -102,7 +102,7 @@ def test_what_the_game_cannot_do_is_said(open_game: Open, executable: Path) -> N
     with pytest.raises(TargetError, match="a Bevy game is one program"):
         open_game(scene="res://level.tscn")
     with pytest.raises(TargetError, match="decides itself what it runs"):
-        resolve_target(executable, scene="res://level.tscn")
+        find_game(executable, scene="res://level.tscn")
     session = open_game()
     reset(session)
     with pytest.raises(GameError, match="the game has no method fly"):
@@ -143,7 +143,7 @@ def free_port() -> int:
 def test_a_listening_game_is_trained_by_address(executable: Path) -> None:
     port = free_port()
     with subprocess.Popen([str(executable), f"--ludus-listen=tcp:127.0.0.1:{port}"]) as game:
-        target = resolve_target(f"127.0.0.1:{port}")
+        target = find_game(f"127.0.0.1:{port}")
         session = retry_open(lambda: open_session(target, EngineConfig(num_worlds=2)))
         reset(session)
         assert step(session, 3)["cart"].active.all()
@@ -154,7 +154,7 @@ def test_a_listening_game_is_trained_by_address(executable: Path) -> None:
 def test_another_machine_needs_a_token(executable: Path, tmp_path: Path) -> None:
     port = free_port()
     listen = f"--ludus-listen=tcp:0.0.0.0:{port}"
-    target = resolve_target(f"127.0.0.1:{port}")
+    target = find_game(f"127.0.0.1:{port}")
     with subprocess.Popen([str(executable), listen], stderr=subprocess.PIPE, text=True) as game:
         with pytest.raises(EngineError, match="token of 16 characters"):
             retry_open(lambda: open_session(target, EngineConfig()))

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from ludus.check import CheckConfig, Status, run_checks
 from ludus.cli.main import main
-from ludus.engine import resolve_target
 from ludus.engine.bevy_build import find_bevy_example, with_view
 from ludus.errors import TargetError
 from ludus.session import EngineSession, LaunchOptions, open_session
 from ludus.spec.batch import ActionBatch, Batch
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
+from tests.targets import find_executable, find_game
 
 pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(300, func_only=True)]
 
@@ -43,15 +43,13 @@ Player = Callable[[Batch], Choices]
 
 @pytest.fixture(scope="module")
 def executable() -> Path:
-    target = resolve_target(TARGET)
-    assert target.executable is not None
-    return target.executable
+    return find_executable(TARGET)
 
 
 @pytest.fixture
 def session(executable: Path) -> Iterator[EngineSession]:
     config = EngineConfig(num_worlds=32)
-    opened = open_session(resolve_target(executable), config, LaunchOptions(start_timeout_s=60.0))
+    opened = open_session(find_game(executable), config, LaunchOptions(start_timeout_s=60.0))
     yield opened
     opened.close()
 
@@ -205,7 +203,7 @@ def test_features_are_part_of_the_target() -> None:
     assert with_view("bevy:beacon") == "bevy:beacon"
     assert with_view("cartpole") == "cartpole"
     with pytest.raises(TargetError, match="bevy:shooter has no feature 'veiw'") as caught:
-        resolve_target("bevy:shooter+veiw")
+        find_game("bevy:shooter+veiw")
     assert caught.value.hint == "it has pixels, view"
 
 
@@ -228,7 +226,7 @@ def test_a_film_shows_what_a_shooter_sees_and_the_arena(tmp_path: Path) -> None:
 
 @pytest.mark.timeout(900)
 def test_pictures_in_the_place_of_rays() -> None:
-    target = resolve_target(f"{TARGET}+pixels")
+    target = find_game(f"{TARGET}+pixels")
     options = LaunchOptions(start_timeout_s=60.0)
     session = open_session(target, EngineConfig(num_worlds=2), options)
     try:

@@ -2,15 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from engine_fakes import fake_godot
 
 from ludus.engine import bundled
 from ludus.engine.kinds import EngineKind
-from ludus.engine.target import TargetKind, resolve_target
 from ludus.errors import ConfigError, EngineNotFound, SetupError, TargetError
+from ludus.target import (
+    COMMANDS,
+    REFUSALS,
+    Address,
+    Example,
+    Executable,
+    Gymnasium,
+    Legacy,
+    Play,
+    PolicyFile,
+    Run,
+    Scene,
+    Target,
+    check_accepted,
+    parse_target,
+    prepare,
+)
 
 
 @pytest.fixture
@@ -30,15 +48,15 @@ def examples(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_example_by_name(examples: Path) -> None:
-    target = resolve_target("cartpole")
-    assert target.kind is TargetKind.EXAMPLE
-    assert target.project is not None
-    assert target.project.root == examples
-    assert target.scene == "res://examples/cartpole/cartpole.tscn"
-    assert target.engine_kind is EngineKind.GODOT4
-    assert target.is_started_by_us
-    other = resolve_target("cartpole", scene="res://examples/cartpole/other.tscn")
-    assert other.scene == "res://examples/cartpole/other.tscn"
+    assert parse_target("cartpole") == Example("cartpole")
+    scene = prepare(parse_target("cartpole"))
+    assert isinstance(scene, Scene)
+    assert scene.project.root == examples
+    assert scene.path == "res://examples/cartpole/cartpole.tscn"
+    assert scene.project.engine_kind is EngineKind.GODOT4
+    other = prepare(parse_target("cartpole", scene="res://examples/cartpole/other.tscn"))
+    assert isinstance(other, Scene)
+    assert other.path == "res://examples/cartpole/other.tscn"
 
 
 def test_example_of_a_wheel_is_copied_once_to_a_writable_place(
@@ -49,27 +67,29 @@ def test_example_of_a_wheel_is_copied_once_to_a_writable_place(
     examples.rename(wheel)
     (wheel / ".godot").mkdir()
     wheel.chmod(0o555)
-    target = resolve_target("pendulum")
     copy = tmp_path / "cache" / "ludus" / "bundled" / "godot4" / bundled.package_version()
-    assert target.project is not None
-    assert target.project.root == copy
+    target = parse_target("pendulum")
+    assert not copy.exists()
+    scene = prepare(target)
+    assert isinstance(scene, Scene)
+    assert scene.project.root == copy
     assert not (copy / ".godot").exists()
     (copy / "mark").touch()
-    resolve_target("cartpole")
+    prepare(parse_target("cartpole"))
     assert (copy / "mark").exists()
     assert sorted(entry.name for entry in copy.parent.iterdir()) == [".copy.lock", copy.name]
 
 
 def test_unknown_name_lists_what_is_close(examples: Path) -> None:
     with pytest.raises(TargetError, match=r"'cartpol'; close: cartpole") as caught:
-        resolve_target("cartpol")
+        parse_target("cartpol")
     assert "cartpole, pendulum" in caught.value.hint
 
 
 def test_without_examples_the_error_still_helps(examples: Path) -> None:
     examples.rename(examples.with_name("gone"))
     with pytest.raises(TargetError) as caught:
-        resolve_target("cartpole")
+        parse_target("cartpole")
     assert "(none)" in caught.value.hint
     with pytest.raises(SetupError, match="lacks its Godot project"):
         bundled.bundled_root()
@@ -77,14 +97,13 @@ def test_without_examples_the_error_still_helps(examples: Path) -> None:
 
 def test_project_and_scene_on_disk(tiny_project: Path, examples: Path) -> None:
     for target in (
-        resolve_target(tiny_project),
-        resolve_target(str(tiny_project / "project.godot")),
-        resolve_target(tiny_project / "main.tscn"),
-        resolve_target(tiny_project, scene="main.tscn"),
+        parse_target(tiny_project),
+        parse_target(str(tiny_project / "project.godot")),
+        parse_target(tiny_project / "main.tscn"),
+        parse_target(tiny_project, scene="main.tscn"),
     ):
-        assert (target.kind, target.name) == (TargetKind.PROJECT, "main")
-        assert target.scene == "res://main.tscn"
-        assert target.project is not None
+        assert isinstance(target, Scene)
+        assert (target.name, target.path) == ("main", "res://main.tscn")
         assert target.project.root == tiny_project
 
 
@@ -93,67 +112,119 @@ def test_bare_word_is_an_example_and_a_path_is_a_path(
 ) -> None:
     tiny_project.rename(tiny_project.with_name("cartpole"))
     monkeypatch.chdir(tiny_project.parent)
-    assert resolve_target("cartpole").kind is TargetKind.EXAMPLE
-    assert resolve_target("./cartpole").kind is TargetKind.PROJECT
+    assert isinstance(parse_target("cartpole"), Example)
+    assert isinstance(parse_target("./cartpole"), Scene)
 
 
 def test_exported_game(tmp_path: Path, examples: Path) -> None:
     game = tmp_path / "game.x86_64"
     game.touch(mode=0o755)
-    target = resolve_target(game)
-    assert (target.kind, target.executable) == (TargetKind.EXECUTABLE, game)
-    assert target.engine_kind is None
-    assert target.find_engine() is None
+    assert parse_target(game) == Executable(game)
     game.chmod(0o644)
     with pytest.raises(TargetError, match="neither a scene"):
-        resolve_target(game)
+        parse_target(game)
 
 
 @pytest.mark.parametrize(
     ("text", "address"),
     [
-        ("localhost:11011", ("localhost", 11011)),
-        ("10.0.0.7:1", ("10.0.0.7", 1)),
-        ("[::1]:65535", ("::1", 65535)),
+        ("localhost:11011", Address("localhost", 11011)),
+        ("10.0.0.7:1", Address("10.0.0.7", 1)),
+        ("[::1]:65535", Address("::1", 65535)),
     ],
 )
-def test_addresses(text: str, address: tuple[str, int], examples: Path) -> None:
-    target = resolve_target(text)
-    assert (target.kind, target.address) == (TargetKind.ADDRESS, address)
-    assert not target.is_started_by_us
+def test_addresses(text: str, address: Address, examples: Path) -> None:
+    target = parse_target(text)
+    assert target == address
+    assert target.name == text
 
 
 @pytest.mark.parametrize("text", ["localhost:0", "localhost:70000", "localhost:", ":1", "a b:1"])
 def test_bad_addresses(text: str, examples: Path) -> None:
     with pytest.raises(TargetError):
-        resolve_target(text)
+        parse_target(text)
 
 
-def test_play_listens_here(examples: Path) -> None:
-    target = resolve_target("play")
-    assert (target.kind, target.address) == (TargetKind.PLAY, ("127.0.0.1", 11011))
-    assert not target.is_started_by_us
+@pytest.mark.parametrize(
+    ("text", "target"),
+    [
+        ("play", Play("127.0.0.1", 11011)),
+        ("gym:CartPole-v1", Gymnasium("CartPole-v1")),
+        ("gym:my_games:Mine-v0", Gymnasium("my_games:Mine-v0")),
+        ("gymgodot:some/project", Legacy("gymgodot:some/project")),
+        ("godot_gym_api:127.0.0.1:0", Legacy("godot_gym_api:127.0.0.1:0")),
+        ("http://127.0.0.1:7878", Legacy("http://127.0.0.1:7878")),
+    ],
+)
+def test_words(text: str, target: Target, examples: Path) -> None:
+    assert parse_target(text) == target
+    assert target.name == text
 
 
-@pytest.mark.parametrize("text", ["play", "localhost:1"])
+def test_runs_and_policy_files(tmp_path: Path, examples: Path) -> None:
+    run = tmp_path / "runs" / "r"
+    checkpoint = run / "checkpoints" / "step-1"
+    checkpoint.mkdir(parents=True)
+    (run / "config.json").touch()
+    assert parse_target(run) == Run(run, run)
+    assert parse_target(checkpoint) == Run(checkpoint, run)
+    policy = tmp_path / "hero.ludus.json"
+    policy.touch()
+    assert parse_target(policy) == PolicyFile(policy)
+    (run / "project.godot").write_text('config_version=5\n[application]\nrun/main_scene="m"\n')
+    with pytest.raises(TargetError, match="scene"):  # a project, whatever else is in its folder
+        parse_target(run)
+
+
+@pytest.mark.parametrize("text", ["play", "localhost:1", "gym:CartPole-v1"])
 def test_scene_is_refused_where_it_has_no_effect(text: str, examples: Path) -> None:
     with pytest.raises(TargetError, match="decides itself"):
-        resolve_target(text, scene="res://main.tscn")
+        parse_target(text, scene="res://main.tscn")
 
 
 def test_folder_without_project_is_refused(tmp_path: Path, examples: Path) -> None:
     with pytest.raises(TargetError, match=r"no project\.godot"):
-        resolve_target(tmp_path)
+        parse_target(tmp_path)
 
 
 def test_engine_is_found_for_the_project(
     tiny_project: Path, examples: Path, bare_machine: Path
 ) -> None:
+    scene = parse_target(tiny_project)
+    assert isinstance(scene, Scene)
     with pytest.raises(EngineNotFound):
-        resolve_target(tiny_project).find_engine()
+        scene.find_engine()
     program = fake_godot(bare_machine.parent / "mine", "4.6.stable")
-    engine = resolve_target(tiny_project, godot=program).find_engine()
-    assert engine is not None
-    assert engine.path == program
+    assert replace(scene, godot=program).find_engine().path == program
     with pytest.raises(ConfigError):
-        resolve_target(tiny_project, godot="/nowhere").find_engine()
+        replace(scene, godot=Path("/nowhere")).find_engine()
+
+
+def test_every_kind_has_its_refusals() -> None:
+    assert set(REFUSALS) == set(get_args(Target))
+    named = {
+        command for refusals in REFUSALS.values() for names, _ in refusals for command in names
+    }
+    assert named <= set(COMMANDS)
+
+
+def test_the_page_shows_what_each_command_accepts() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "targets.md").read_text("utf-8")
+    rows = [[cell.strip(" `") for cell in line.strip("|").split("|")]
+            for line in page.splitlines() if line.startswith("|")]  # fmt: skip
+    table = rows[rows.index(["", *COMMANDS]) + 2 :]
+    assert {kind: marks for kind, *marks in table} == {
+        kind.__name__: ["no" if refuses(command, kind) else "yes" for command in COMMANDS]
+        for kind in REFUSALS
+    }
+
+
+def refuses(command: str, kind: type[Target]) -> bool:
+    return any(command in commands for commands, _ in REFUSALS[kind])
+
+
+def test_a_refusal_names_command_and_target() -> None:
+    with pytest.raises(TargetError, match="runs/r is a run, and train needs a game") as caught:
+        check_accepted("train", Run(Path("runs/r"), Path("runs/r")))
+    assert "--resume" in caught.value.hint
+    check_accepted("record", Run(Path("runs/r"), Path("runs/r")))

@@ -12,12 +12,12 @@ from typing import Any
 import psutil
 import pytest
 
-from ludus.engine import resolve_target
 from ludus.engine.bundled import bundled_root
 from ludus.session import EngineSession, LaunchOptions, open_session
 from ludus.spec.batch import ActionBatch, Batches
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
+from tests.targets import find_game
 
 PROJECT = """\
 config_version=5
@@ -121,7 +121,7 @@ class Game:
         num_worlds: int = 1,
         engine_scene: str | None = None,
     ) -> EngineSession:
-        target = resolve_target(self.folder, scene=f"res://{scene}.tscn")
+        target = find_game(self.folder, scene=f"res://{scene}.tscn")
         options = LaunchOptions(start_timeout_s=start_timeout_s, step_timeout_s=step_timeout_s)
         config = EngineConfig(num_worlds=num_worlds, scene=engine_scene)
         session = open_session(target, config, options)

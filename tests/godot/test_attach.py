@@ -20,11 +20,11 @@ from ludus.engine import (
     ensure_imported,
     find_engine,
     godot_command,
-    resolve_target,
 )
-from ludus.engine.target import DEFAULT_PORT
 from ludus.errors import EngineStartError
 from ludus.session import LaunchOptions
+from ludus.target.kinds import DEFAULT_PORT
+from tests.targets import find_scene
 
 pytestmark = pytest.mark.engine
 START_TIMEOUT_S = 30.0
@@ -34,8 +34,7 @@ TOKEN = "a secret of enough characters"
 @contextmanager
 def running_game(*user_args: str) -> Generator[EngineProcess]:
     """CartPole as its developer would start it, knowing nothing of a trainer."""
-    project = resolve_target("cartpole").project
-    assert project is not None
+    project = find_scene("cartpole").project
     engine = find_engine(EngineKind.GODOT4)
     ensure_imported(engine, project)
     flags = GodotFlags(user_args=user_args)

@@ -17,7 +17,6 @@ from ludus.engine import (
     find_engine,
     godot_command,
     install_engine,
-    resolve_target,
 )
 from ludus.errors import SetupError
 from ludus.session import EngineSession, LaunchOptions, open_session
@@ -26,6 +25,7 @@ from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetAction, ResetRequest
 from tests.godot.camera_games import HEIGHT, WIDTH, make_project
 from tests.godot.test_attach import await_port, free_port
+from tests.targets import find_game
 
 pytestmark = [pytest.mark.engine, pytest.mark.screen]
 
@@ -63,7 +63,7 @@ def layout(request: pytest.FixtureRequest) -> str:
 
 
 def open_scene(project: Path, scene: str, layout: str) -> EngineSession:
-    target = resolve_target(project, scene=f"res://{scene}.tscn")
+    target = find_game(project, scene=f"res://{scene}.tscn")
     return open_session(target, EngineConfig(num_worlds=NUM_WORLDS, layout=layout))
 
 
@@ -214,11 +214,11 @@ def test_a_game_that_cannot_draw_names_the_camera(project: Path, engine: str) ->
     with EngineProcess.start(LaunchConfig(command=command)):
         await_port(port)
         with pytest.raises(SetupError, match="camera Eye needs a renderer") as caught:
-            open_session(resolve_target(f"127.0.0.1:{port}"), EngineConfig())
+            open_session(find_game(f"127.0.0.1:{port}"), EngineConfig())
     assert f"ludus engine install {engine} --rendering" in caught.value.hint
 
 
 def test_a_renderer_may_be_asked_for_at_once(project: Path) -> None:
-    target = resolve_target(project, scene="res://box_2d.tscn")
+    target = find_game(project, scene="res://box_2d.tscn")
     made = open_session(target, EngineConfig(), LaunchOptions(has_renderer=True))
     made.close()

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from ludus.engine import resolve_target
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.spec.batch import ActionBatch, Batches
+from tests.targets import find_scene
 
 pytestmark = pytest.mark.engine
 NUM_FRAMES = 10
@@ -21,8 +21,7 @@ EARLY, LEAVER, SPARE = 0, 1, 2
 @pytest.fixture(scope="module")
 def frames() -> Iterator[list[Batches]]:
     """Copies of all frames."""
-    project = resolve_target("identity").project
-    assert project is not None
+    project = find_scene("identity").project
     scene = project.root / "examples/identity/oracle_world.tscn"
     with open_pool(scene, PoolConfig(num_worlds=2)) as pool:
         taken = [pool.reset(1, PARAMETERS)]

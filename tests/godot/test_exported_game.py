@@ -24,7 +24,6 @@ from ludus.cli import main
 from ludus.engine import (
     ExportTemplate,
     export_game,
-    resolve_target,
 )
 from ludus.engine.bundled import bundled_root
 from ludus.model import PolicyModel, write_model
@@ -35,6 +34,7 @@ from ludus.session import LaunchOptions, open_session
 from ludus.spec import PolicySpec
 from ludus.wire.handshake import EngineConfig
 from tests.serve.guided.test_press_play import free_port, servers
+from tests.targets import find_game
 
 pytestmark = [pytest.mark.engine, pytest.mark.timeout(600)]
 
@@ -46,7 +46,7 @@ TIMEOUT_S = 60.0
 @pytest.fixture(scope="session")
 def cart() -> PolicySpec:
     """What the agent of CartPole declares."""
-    session = open_session(resolve_target("cartpole"), EngineConfig(), LaunchOptions())
+    session = open_session(find_game("cartpole"), EngineConfig(), LaunchOptions())
     with contextlib.closing(session):
         return session.policies["cart"]
 

@@ -25,7 +25,6 @@ from ludus.engine import (
     find_engine,
     godot_command,
     read_project,
-    resolve_target,
 )
 from ludus.errors import GameError
 from ludus.pool import PoolConfig, open_pool
@@ -35,6 +34,7 @@ from ludus.wire.handshake import EngineConfig
 from ludus.wire.requests import MODES
 from tests.actions import zeros
 from tests.godot.conftest import reset, step
+from tests.targets import find_game
 from tests.wire.golden import load
 
 pytestmark = pytest.mark.engine
@@ -218,7 +218,7 @@ def open_game(project: Path) -> Iterator[Open]:
     sessions: list[EngineSession] = []
 
     def open_it(scene: str = "asker", num_worlds: int = 1, log: Path | None = None) -> Any:
-        target = resolve_target(project, scene=f"res://{scene}.tscn")
+        target = find_game(project, scene=f"res://{scene}.tscn")
         config, options = EngineConfig(num_worlds=num_worlds), LaunchOptions(log_path=log)
         sessions.append(open_session(target, config, options))
         return sessions[-1]

@@ -13,7 +13,7 @@ import pytest
 from ludus.check import CheckConfig, Status, run_checks
 from ludus.check.difference import first_difference
 from ludus.check.recording import Recording, record
-from ludus.engine import EngineKind, read_project, resolve_target
+from ludus.engine import EngineKind, read_project
 from ludus.errors import EngineError, LudusError
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.session import EngineSession, open_session
@@ -24,6 +24,7 @@ from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetAction, ResetRequest
 from tests.godot import simulation_games
 from tests.godot3 import simulation_games as simulation_games_3
+from tests.targets import find_game
 
 pytestmark = pytest.mark.engine
 TICKS, SUM, DRAW, EPISODES, CREATED = 1, 2, 3, 4, 5
@@ -234,7 +235,7 @@ def test_a_world_that_begins_slowly_ticks_alone(project: Path, name: str) -> Non
 
 
 def open_simulation(project: Path, name: str, num: int = 1, layout: str = "scene") -> EngineSession:
-    target = resolve_target(project, scene=f"res://{name}.tscn")
+    target = find_game(project, scene=f"res://{name}.tscn")
     return open_session(target, EngineConfig(num_worlds=num, layout=layout))
 
 

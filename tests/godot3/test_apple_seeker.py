@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ludus.engine import EngineKind, EngineProcess, GodotFlags, LaunchConfig, resolve_target
+from ludus.engine import EngineKind, EngineProcess, GodotFlags, LaunchConfig
 from ludus.engine.bundled import bundled_root
 from ludus.model import read_model
 from ludus.play.command_line import play_command
@@ -21,6 +21,7 @@ from ludus.session import EngineSession, open_session
 from ludus.spec.batch import ActionBatch, Batch
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
+from tests.targets import find_game
 
 pytestmark = pytest.mark.engine
 
@@ -61,7 +62,7 @@ Floats = NDArray[np.float64]
 @pytest.fixture(params=["isolated", "grid"])
 def session(request: pytest.FixtureRequest) -> Iterator[EngineSession]:
     config = EngineConfig(num_worlds=NUM_WORLDS, layout=request.param)
-    made = open_session(resolve_target("godot3:apple_seeker"), config)
+    made = open_session(find_game("godot3:apple_seeker"), config)
     yield made
     made.close()
 
@@ -247,7 +248,7 @@ def test_the_shipped_robot_catches_the_apple_without_python(tmp_path: Path) -> N
     file = bundled_root(EngineKind.GODOT3) / "examples/apple_seeker/robot.ludus.json"
     assert file.stat().st_size < 300_000
     assert read_model(file).policy == "robot"
-    target = resolve_target("godot3:apple_seeker", scene="res://examples/apple_seeker/trained.tscn")
+    target = find_game("godot3:apple_seeker", scene="res://examples/apple_seeker/trained.tscn")
     log = tmp_path / "game.log"
     command = play_command(target, GodotFlags(user_args=("--ludus-report",)))
     with EngineProcess.start(LaunchConfig(command=command, log_path=log)):

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from ludus.engine import resolve_target
 from ludus.session import EngineSession, open_session
 from ludus.spec.batch import ActionBatch
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
+from tests.targets import find_game
 
 pytestmark = pytest.mark.engine
 
@@ -31,7 +31,7 @@ LAYOUTS = ("isolated", "grid")
 @pytest.fixture(params=LAYOUTS)
 def session(request: pytest.FixtureRequest) -> Iterator[EngineSession]:
     config = EngineConfig(num_worlds=3, layout=request.param)
-    made = open_session(resolve_target("godot3:cartpole"), config)
+    made = open_session(find_game("godot3:cartpole"), config)
     yield made
     made.close()
 

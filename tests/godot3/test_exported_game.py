@@ -8,12 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from ludus.engine import GodotFlags, InstalledEngine, resolve_target
+from ludus.engine import GodotFlags, InstalledEngine
 from ludus.engine.launch import executable_command
 from ludus.session import LaunchOptions, open_session
 from ludus.wire.handshake import EngineConfig
 from tests.godot.conftest import reset, step
 from tests.godot3.conftest import make_project
+from tests.targets import find_game
 
 pytestmark = pytest.mark.engine
 
@@ -57,7 +58,7 @@ def test_it_gets_the_flags_of_godot_3(exported: Path) -> None:
 
 
 def test_it_trains(exported: Path) -> None:
-    session = open_session(resolve_target(exported), EngineConfig(num_worlds=2), LaunchOptions())
+    session = open_session(find_game(exported), EngineConfig(num_worlds=2), LaunchOptions())
     try:
         reset(session)
         batch = step(session, 5)["agent"]

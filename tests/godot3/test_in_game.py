@@ -14,10 +14,10 @@ import psutil
 import pytest
 
 from ludus.cli import main
-from ludus.engine import EngineKind, InstalledEngine, find_engine, resolve_target
+from ludus.engine import EngineKind, InstalledEngine, find_engine
 from ludus.engine.bundled import runnable_bundled_root
 from ludus.errors import EngineCrashed
-from ludus.export import godot_runtime
+from ludus.export import engines as engine_runtimes
 from ludus.export.convert import to_model
 from ludus.export.parity import PolicyFiles, measure_parity, require_parity
 from ludus.model import PolicyModel, write_model
@@ -30,6 +30,7 @@ from ludus.spec import PolicySpec
 from ludus.wire.handshake import EngineConfig
 from tests.export.test_godot import ATARI
 from tests.export.trained_runs import MIXED, SIMPLE, make_policy
+from tests.targets import find_game
 
 pytestmark = [pytest.mark.engine, pytest.mark.timeout(300)]
 
@@ -42,7 +43,7 @@ Heard = list[tuple[str, int, float, int]]
 @pytest.fixture(scope="module")
 def cart() -> PolicySpec:
     """What the agent of CartPole declares."""
-    with contextlib.closing(open_session(resolve_target(TARGET), EngineConfig())) as session:
+    with contextlib.closing(open_session(find_game(TARGET), EngineConfig())) as session:
         return session.policies["cart"]
 
 
@@ -55,7 +56,7 @@ def nothing_is_left() -> Iterator[None]:
 
 def godots() -> list[int]:
     """Return the ids of all Godot 3 processes that play or test policies of these tests."""
-    words = (str(godot_runtime.SCRIPT3), "--ludus-report")
+    words = (str(engine_runtimes.SCRIPT3), "--ludus-report")
     return [
         process.pid
         for process in psutil.process_iter(["cmdline", "status", "ppid"])

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ludus.engine import resolve_target
 from ludus.session import EngineSession, open_session
 from ludus.spec.batch import ActionBatch
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
+from tests.targets import find_game
 
 pytestmark = pytest.mark.engine
 
@@ -26,7 +26,7 @@ INERTIA = (1.0**2 + 0.1**2) / 12.0 + 0.5**2
 
 @pytest.fixture
 def session() -> Iterator[EngineSession]:
-    made = open_session(resolve_target("godot3:pendulum"), EngineConfig(num_worlds=NUM_WORLDS))
+    made = open_session(find_game("godot3:pendulum"), EngineConfig(num_worlds=NUM_WORLDS))
     yield made
     made.close()
 

@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 from ludus.addon import addon_status, install_addon
-from ludus.engine import EngineKind, InstalledEngine, TargetKind, resolve_target
+from ludus.engine import EngineKind, InstalledEngine
 from ludus.engine.bundled import example_names, find_example
 from ludus.errors import TargetError
+from tests.targets import find_scene
 
 
 def test_the_add_on_is_installed_once(tmp_path: Path) -> None:
@@ -47,17 +48,16 @@ def test_examples_say_their_engine() -> None:
 
 
 def test_an_example_for_godot3() -> None:
-    target = resolve_target("godot3:cartpole")
-    assert target.kind is TargetKind.EXAMPLE
-    assert target.engine_kind is EngineKind.GODOT3
-    assert target.scene == "res://examples/cartpole/cartpole.tscn"
+    scene = find_scene("godot3:cartpole")
+    assert scene.project.engine_kind is EngineKind.GODOT3
+    assert scene.path == "res://examples/cartpole/cartpole.tscn"
     with pytest.raises(TargetError, match="godot3:cartpole"):
-        resolve_target("godot3:cartpol")
+        find_scene("godot3:cartpol")
 
 
 @pytest.mark.engine
 def test_a_project_needs_no_flag(project: Path, godot3: InstalledEngine) -> None:
-    target = resolve_target(project)
-    assert target.engine_kind is EngineKind.GODOT3
-    assert target.find_engine() == godot3
-    assert target.scene == "res://right.tscn"
+    scene = find_scene(project)
+    assert scene.project.engine_kind is EngineKind.GODOT3
+    assert scene.find_engine() == godot3
+    assert scene.path == "res://right.tscn"

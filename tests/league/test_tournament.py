@@ -152,12 +152,12 @@ def test_a_player_forgets_single_slots() -> None:
 
 
 def test_a_game_of_one_agent_is_refused(small: Any) -> None:
-    from ludus.pool.gymnasium_pool import GymnasiumPool
+    from ludus.pool import open_pool
 
     run = train(small()).run
     _, _, league_players = load_players(run)
     with pytest.raises(ConfigError, match="agent is the only agent of a world"):
-        play_tournament(league_players, GymnasiumPool("Identity-discrete-v0"), GAMES)
+        play_tournament(league_players, open_pool("gym:Identity-discrete-v0"), GAMES)
 
 
 def test_without_a_league_older_checkpoints_are_the_past(small: Any) -> None:

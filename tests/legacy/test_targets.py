@@ -11,16 +11,16 @@ from gymnasium import spaces
 
 import ludus
 from ludus.cli.main import main
-from ludus.engine.target import BRIDGE_PREFIXES
 from ludus.errors import ConfigError, EngineStartError, LudusError, TargetError
 from ludus.legacy.registry import BRIDGES, find_bridge
+from ludus.target import LEGACY_PREFIXES
 from tests.legacy.conftest import GODOT_GYM_API, GYMGODOT
 
 SETTINGS = {"gymgodot:": GYMGODOT, "godot_gym_api:": GODOT_GYM_API}
 
 
 def test_every_bridge_is_known_to_the_commands() -> None:
-    assert sorted(bridge.prefix for bridge in BRIDGES) == sorted(BRIDGE_PREFIXES)
+    assert sorted(bridge.prefix for bridge in BRIDGES) == sorted(LEGACY_PREFIXES)
     assert find_bridge("cartpole") is None
     assert find_bridge("godot3:cartpole") is None
 

@@ -10,7 +10,7 @@ import pytest
 from gymnasium import spaces
 
 from ludus.errors import ActionError, ConfigError, GameError, ProtocolError, TargetError
-from ludus.legacy.game import Declaration, Outcome
+from ludus.legacy.game import Declaration, LegacyGame, Outcome
 from ludus.legacy.session import LegacySession
 from ludus.spec.batch import ActionBatch, Batch
 from ludus.wire.reset import ResetRequest
@@ -18,10 +18,8 @@ from ludus.wire.reset import ResetRequest
 LIVES = (2, 4, 3)
 
 
-class Countdown:
+class Countdown(LegacyGame):
     """A game in Python: agent *i* sees its step, and ends in step ``LIVES[i]``."""
-
-    methods: Mapping[str, Any] = {}
 
     def __init__(self, **changes: Any) -> None:
         declared: dict[str, Any] = {
@@ -32,7 +30,7 @@ class Countdown:
             "action_space": spaces.MultiDiscrete([2, 3], start=[1, 0]),
             "num_agents": len(LIVES),
         }
-        self.declaration = Declaration(**{**declared, **changes})
+        super().__init__(Declaration(**{**declared, **changes}))
         self.answers = len(LIVES)
         self.seen: list[Sequence[Any]] = []
         self.resets: list[tuple[int | None, Mapping[str, Any] | None]] = []

@@ -291,9 +291,9 @@ def test_actions_are_sent_once_for_each_answer(games: Games) -> None:
 
 
 def test_gymnasium_environments_ask_nothing() -> None:
-    from ludus.pool.gymnasium_pool import GymnasiumPool
+    from ludus.pool import open_pool
 
-    pool: Pool = GymnasiumPool("CartPole-v1")
+    pool: Pool = open_pool("gym:CartPole-v1")
     pool.reset(1)
     assert pool.take_requests() == []
     pool.show_status(STATUS)

@@ -11,8 +11,8 @@ from ludus.cli.main import main
 from ludus.errors import ConfigError, TargetError
 from ludus.model import PolicyModel, write_model
 from ludus.model.policy_model import Distribution, Linear
-from ludus.pool.gymnasium_pool import GymnasiumPool
 from ludus.record import RecordConfig, record
+from ludus.session.gymnasium_session import GymnasiumSession
 from ludus.settings.train_config import PPOConfig, TrainConfig
 from ludus.training.loop import train
 from tests.record.games import STEPS, Ticks, read_ticks
@@ -22,8 +22,7 @@ TARGET = "gym:tests.record.games:Ticks-v0"
 
 def policy_file(path: Path, bias: list[float], name: str = "agent") -> Path:
     """Write a policy that has these logits whatever it sees."""
-    pool = GymnasiumPool("", open_env=Ticks)
-    spec = pool.policies["agent"]
+    (spec,) = GymnasiumSession([Ticks()]).spec.policies
     layer = Linear(np.zeros((3, 1), np.float32), np.array(bias, np.float32), "none")
     write_model(
         path,
@@ -78,6 +77,8 @@ def test_a_run_plays_what_it_was_trained_in(films: Path) -> None:
     for arguments in ([str(run)], [TARGET, "--policy", str(run)]):
         assert main(["record", *arguments, "--episodes", "1", "--out", str(out)]) == 0
         assert 2 <= len(read_ticks(out)) <= 13
+    assert main(["record", str(run), "--random", "--episodes", "1", "--out", str(out)]) == 0
+    assert 2 <= len(read_ticks(out)) <= 13
 
 
 @pytest.mark.screen

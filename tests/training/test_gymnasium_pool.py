@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ludus.errors import SequenceError, TargetError
-from ludus.pool.gymnasium_pool import GymnasiumPool
-from ludus.pool.interface import Pool
+import ludus
+from ludus.errors import ConfigError, SequenceError, TargetError
+from ludus.pool import Pool, PoolConfig, open_pool
 from ludus.spec.batch import ActionBatch
 
 
@@ -16,7 +16,7 @@ def actions(pool: Pool, engine: int | None = None) -> dict[str, ActionBatch]:
 
 
 def test_same_step_autoreset_on_truncation() -> None:
-    pool = GymnasiumPool("Truncated-v0", num_worlds=2, num_engines=2)
+    pool = open_pool("gym:Truncated-v0", PoolConfig(num_worlds=2, num_engines=2))
     assert pool.policies["agent"].max_episode_steps == 5
     batch = pool.reset(0)["agent"]
     assert batch.active.all()
@@ -30,7 +30,7 @@ def test_same_step_autoreset_on_truncation() -> None:
 
 
 def test_final_observation_is_the_old_episodes_and_observation_the_new_ones() -> None:
-    pool = GymnasiumPool("Terminated-v0", num_worlds=1)
+    pool = open_pool("gym:Terminated-v0", PoolConfig(num_worlds=1))
     pool.reset(0)
     for _ in range(4):
         pool.step(actions(pool))
@@ -41,11 +41,11 @@ def test_final_observation_is_the_old_episodes_and_observation_the_new_ones() ->
 
 
 def test_send_and_receive_one_engine() -> None:
-    pool = GymnasiumPool("Identity-discrete-v0", num_worlds=3, num_engines=2)
+    pool = open_pool("gym:Identity-discrete-v0", PoolConfig(num_worlds=3, num_engines=2))
     first = pool.reset(5)["agent"].observation["observation"]
-    again = GymnasiumPool("Identity-discrete-v0", num_worlds=6).reset(5)["agent"]
+    again = open_pool("gym:Identity-discrete-v0", PoolConfig(num_worlds=6)).reset(5)["agent"]
     np.testing.assert_array_equal(first, again.observation["observation"])
-    with pytest.raises(SequenceError, match="nothing was sent"):
+    with pytest.raises(SequenceError, match="nothing to receive"):
         pool.receive(1)
     pool.send(1, actions(pool, 1))
     with pytest.raises(SequenceError, match="twice"):
@@ -56,13 +56,13 @@ def test_send_and_receive_one_engine() -> None:
 
 
 def test_refuses_to_step_before_reset() -> None:
-    pool = GymnasiumPool("Identity-discrete-v0")
-    with pytest.raises(SequenceError, match="before reset"):
+    pool = open_pool("gym:Identity-discrete-v0")
+    with pytest.raises(SequenceError, match="before the first reset"):
         pool.step(actions(pool))
 
 
 def test_dictionaries_images_and_shifted_actions() -> None:
-    pool = GymnasiumPool("Pictures-v0", num_worlds=2)
+    pool = open_pool("gym:Pictures-v0", PoolConfig(num_worlds=2))
     spec = pool.policies["agent"]
     assert [(e.name, e.dtype, e.shape) for e in spec.observation] == [
         ("image", "uint8", (12, 12, 1)),
@@ -77,20 +77,36 @@ def test_dictionaries_images_and_shifted_actions() -> None:
 
 
 def test_masks_and_bounds() -> None:
-    masked = GymnasiumPool("Masked-v0", num_worlds=2)
+    masked = open_pool("gym:Masked-v0", PoolConfig(num_worlds=2))
     mask = masked.reset(0)["agent"].action_mask
     assert mask is not None
     assert mask.sum(1).tolist() == [2, 2]
-    low, high = GymnasiumPool("Identity-continuous-v0").policies["agent"].continuous_bounds()
+    low, high = open_pool("gym:Identity-continuous-v0").policies["agent"].continuous_bounds()
     assert (low.tolist(), high.tolist()) == ([-2.0, -2.0], [6.0, 6.0])
 
 
 @pytest.mark.parametrize("env_id", ["Nowhere-v0", "no_such_module:Nowhere-v0"])
 def test_unknown_environment(env_id: str) -> None:
     with pytest.raises(TargetError, match="cannot make"):
-        GymnasiumPool(env_id)
+        open_pool(f"gym:{env_id}")
+
+
+def test_settings_of_engines_are_refused() -> None:
+    with pytest.raises(ConfigError, match="gym:Truncated-v0 has no engine: layout, ticks_per_step"):
+        open_pool("gym:Truncated-v0", PoolConfig(layout="grid", ticks_per_step=4))
+    open_pool("gym:Truncated-v0", PoolConfig(layout="isolated")).close()
+
+
+def test_is_a_target_of_make_too() -> None:
+    env = ludus.make("gym:Truncated-v0")
+    env.reset(seed=1)
+    assert [env.step(env.action_space.sample())[3] for _ in range(5)] == [False] * 4 + [True]
+    env.close()
+    envs = ludus.make_vec("gym:Truncated-v0", num_worlds=2, num_engines=2)
+    assert envs.num_envs == 4
+    envs.close()
 
 
 def test_unsupported_space() -> None:
     with pytest.raises(TargetError, match="cannot train on the observation"):
-        GymnasiumPool("FrozenLake-v1")
+        open_pool("gym:FrozenLake-v1")

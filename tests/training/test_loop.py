@@ -18,10 +18,10 @@ import pytest
 import torch
 
 from ludus.errors import CheckpointError, DivergenceError, EngineCrashed, RunError
-from ludus.pool.gymnasium_pool import GymnasiumPool
 from ludus.runs.checkpoint import Checkpoint, read_checkpoint
 from ludus.runs.metrics import METRICS, POLICY_METRICS, read_metrics
 from ludus.runs.run_folder import RunFolder
+from ludus.session.gymnasium_session import GymnasiumSession
 from ludus.training import loop
 from ludus.training.loop import train
 from ludus.training.progress import Progress, SilentReporter
@@ -175,16 +175,16 @@ def test_a_full_disk_ends_the_run_with_one_error(
 
 
 def test_a_failed_engine_leaves_a_checkpoint(small: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    config, receive, calls = small(checkpoint_every_updates=None), GymnasiumPool.receive, 0
+    config, receive, calls = small(checkpoint_every_updates=None), GymnasiumSession.receive, 0
 
-    def fail(pool: GymnasiumPool, engine: int) -> Any:
+    def fail(session: GymnasiumSession) -> Any:
         nonlocal calls
         calls += 1
         if calls == 50:
             raise EngineCrashed("the engine died")
-        return receive(pool, engine)
+        return receive(session)
 
-    monkeypatch.setattr(GymnasiumPool, "receive", fail)
+    monkeypatch.setattr(GymnasiumSession, "receive", fail)
     with pytest.raises(EngineCrashed):
         train(config)
     assert newest(config.runs / "run").agent_steps >= 192
@@ -257,7 +257,9 @@ def test_kill_at_any_moment_leaves_a_loadable_run(small: Any) -> None:
     assert lines == sorted(set(lines))
 
 
-def test_run_names(small: Any, tmp_path: Path) -> None:
+def test_run_folders_get_the_name_asked_for_or_one_of_target_and_time(
+    small: Any, tmp_path: Path
+) -> None:
     first, second = RunFolder.create(small(name="")), RunFolder.create(small(name=""))
     assert first.path != second.path
     assert first.path.name.startswith("Identity-discrete-v0-2")

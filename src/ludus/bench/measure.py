@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -14,11 +15,12 @@ from numpy.typing import NDArray
 
 from ludus.bench.echo import measure_echo
 from ludus.bench.report import BenchReport, Breakdown
-from ludus.engine import CorePlan, Target, pinned_to, reserve_cores, resolve_target
+from ludus.engine import CorePlan, pinned_to, reserve_cores
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.session import EngineSession
 from ludus.spec import PolicySpec
 from ludus.spec.batch import ActionBatch
+from ludus.target import Scene, Target, check_accepted, parse_target, prepare
 from ludus.wire.frames import HEADER_BYTES
 from ludus.wire.step import BatchDecoder, StepEncoder
 
@@ -41,7 +43,7 @@ class BenchConfig:
         seed: Seed of worlds and random actions.
     """
 
-    target: str
+    target: str | Path
     pool: PoolConfig
     seconds: float = 2.0
     rounds: int = 3
@@ -73,11 +75,14 @@ def bench(
         TargetError: The target cannot be run.
         EngineError: An engine failed.
     """
+    target = parse_target(config.target, scene=config.pool.scene, godot=config.pool.godot)
+    check_accepted("bench", target)
+    target = prepare(target)  # an example is built once, not for each engine
     report_progress("one world: round trips")
-    single = _measure_single(config)
+    single = _measure_single(target, config)
     report_progress("bare socket echo")
-    echo_us = _measure_echo(config, single.frame_bytes)
-    with open_pool(config.target, config.pool) as pool:
+    echo_us = _measure_echo(target, config, single.frame_bytes)
+    with open_pool(target, config.pool) as pool:
         return _measure_pool(config, pool, single, echo_us, report_progress)
 
 
@@ -103,7 +108,7 @@ def _measure_pool(
         rounds.append((steps_per_s, ceiling))
         breakdowns.append(breakdown)
     return BenchReport(
-        target=config.target,
+        target=str(config.target),
         engine=_session(pool).hello.engine,
         layout=pool.spec.layout,
         num_worlds=pool.spec.num_worlds,
@@ -172,9 +177,9 @@ def _ceiling(pool: EnginePool, num_steps: int, seed: int) -> float:
     return statistics.mean(rates)
 
 
-def _measure_single(config: BenchConfig) -> _SingleWorld:
+def _measure_single(target: Target, config: BenchConfig) -> _SingleWorld:
     single = replace(config.pool, num_worlds=1, num_engines=1)
-    with open_pool(config.target, single) as pool:
+    with open_pool(target, single) as pool:
         actions = _random_actions(pool.policies, config.seed)
         pool.reset(config.seed)
         resident_bytes = _resident_bytes(pool)
@@ -194,11 +199,10 @@ def _measure_single(config: BenchConfig) -> _SingleWorld:
         return _SingleWorld(statistics.median(trips), resident_bytes, sizes)
 
 
-def _measure_echo(config: BenchConfig, sizes: tuple[int, int]) -> float | None:
-    target: Target = resolve_target(config.target, scene=config.pool.scene, godot=config.pool.godot)
-    engine = target.find_engine()
-    if engine is None:
+def _measure_echo(target: Target, config: BenchConfig, sizes: tuple[int, int]) -> float | None:
+    if not isinstance(target, Scene):
         return None
+    engine = target.find_engine()
     if not config.pool.is_pinned:
         return measure_echo(engine, sizes, _NUM_ROUND_TRIPS, CorePlan((None,), None))
     with reserve_cores(1) as cores:

@@ -10,11 +10,11 @@ from pathlib import Path
 from types import TracebackType
 
 from ludus.check.recording import Recording, record
-from ludus.engine import resolve_target
 from ludus.errors import ConfigError, EngineError, UsageError
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.session import EngineSession, LaunchOptions
 from ludus.spec import Spec
+from ludus.target import Address, Play, check_accepted, parse_target, prepare
 
 __all__ = ["CheckConfig", "CheckContext", "OneEngineOnly"]
 
@@ -24,7 +24,7 @@ class CheckConfig:
     """What to check, and how thoroughly.
 
     Attributes:
-        target: A bundled example, a project folder, a scene, an exported game, or an address.
+        target: As for :func:`ludus.make`.
         scene: Scene of the project; None: its main scene.
         num_worlds: Worlds to play in.
         num_steps: Steps of random play.
@@ -66,7 +66,10 @@ class CheckContext:
 
     def __init__(self, config: CheckConfig) -> None:
         self.config = config
-        self._target = resolve_target(config.target, scene=config.scene, godot=config.godot)
+        target = parse_target(config.target, scene=config.scene, godot=config.godot)
+        check_accepted("check", target)
+        # An example is not built again for each engine.
+        self._target = prepare(target)
         self._main: EnginePool | None = None
 
     @property
@@ -107,7 +110,7 @@ class CheckContext:
         Raises:
             OneEngineOnly: The game was started by hand.
         """
-        if not self._target.is_started_by_us:
+        if isinstance(self._target, Address | Play):
             raise OneEngineOnly(
                 "not checked: it needs another process, and this game was started by hand",
                 hint="name the project instead",
@@ -141,15 +144,12 @@ class CheckContext:
 
     def _open(self, config: PoolConfig) -> EnginePool:
         settings = PoolConfig(
-            scene=self.config.scene,
             num_worlds=config.num_worlds,
             layout=config.layout,
             max_episode_steps=config.max_episode_steps,
-            godot=self.config.godot,
             launch=self.config.launch,
         )
-        # An executable is what the target was built to; it is not built for each engine again.
-        return open_pool(self._target.executable or self.config.target, settings)
+        return open_pool(self._target, settings)
 
 
 def _engine_version(pool: EnginePool) -> str:

@@ -9,7 +9,7 @@ from ludus.check.context import CheckContext, OneEngineOnly
 from ludus.check.episodes import Comparison, Verdict, compare_episodes
 from ludus.check.finding import Finding, fail, info, ok
 from ludus.check.recording import Recording, record
-from ludus.errors import TargetError
+from ludus.errors import ConfigError, TargetError
 from ludus.play.players import random_player
 from ludus.pool import EnginePool
 
@@ -37,7 +37,7 @@ def check_layouts(context: CheckContext) -> list[Finding]:
             return [info(TITLE, error.message, error.hint)]
         try:
             other_pool = pools.enter_context(context.other_pool(num_worlds=num, layout=other))
-        except TargetError as error:
+        except (TargetError, ConfigError) as error:
             return [info(TITLE, f"this game does not run {LAYOUTS[other]}: {error.message}")]
         isolated_pool, grid_pool = (
             (other_pool, own_pool) if asks_for_grid else (own_pool, other_pool)

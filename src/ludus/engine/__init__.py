@@ -21,9 +21,12 @@ from ludus.engine.find import (
     search_engines,
 )
 from ludus.engine.importing import ensure_imported, needs_import
-from ludus.engine.install import install_engine
-from ludus.engine.install_screen import install_screen
-from ludus.engine.install_template import install_template
+from ludus.engine.install import (
+    install_engine,
+    install_screen,
+    install_template,
+    template_installers,
+)
 from ludus.engine.kinds import EngineKind
 from ludus.engine.launch import (
     GodotFlags,
@@ -34,7 +37,6 @@ from ludus.engine.launch import (
 from ludus.engine.process import EngineProcess
 from ludus.engine.project import Project, find_project, read_project, scene_path
 from ludus.engine.screen import find_xvfb, has_screen, with_display
-from ludus.engine.target import Target, TargetKind, resolve_target
 from ludus.engine.template import ExportTemplate, find_template, matching_template
 
 __all__ = [
@@ -50,8 +52,6 @@ __all__ = [
     "LaunchConfig",
     "Project",
     "ReservedCores",
-    "Target",
-    "TargetKind",
     "allowed_cores",
     "doctor",
     "ensure_imported",
@@ -73,8 +73,8 @@ __all__ = [
     "plan_cores",
     "read_project",
     "reserve_cores",
-    "resolve_target",
     "scene_path",
     "search_engines",
+    "template_installers",
     "with_display",
 ]

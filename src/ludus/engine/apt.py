@@ -10,12 +10,14 @@ import logging
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import repeat
 from pathlib import Path
 
-from ludus.engine.routes import Progress, RouteUnavailable
+from ludus.engine.installing import InstallerUnavailable, Progress
+from ludus.engine.output import run_captured
 from ludus.errors import SetupError
 
 __all__ = ["SUITE", "unpack_packages"]
@@ -67,7 +69,8 @@ def unpack_packages(packages: Sequence[str], folder: Path, progress: Progress) -
         The prefix, whose programs need its own loader to start.
 
     Raises:
-        RouteUnavailable: This machine has no apt, or cannot reach its Debian mirror.
+        InstallerUnavailable: This machine does not run Linux, has no apt, or cannot reach its
+            Debian mirror.
         SetupError: A package cannot be unpacked, or the disk is full.
     """
     _require_tools()
@@ -85,9 +88,11 @@ def unpack_packages(packages: Sequence[str], folder: Path, progress: Progress) -
 
 
 def _require_tools() -> None:
+    if sys.platform != "linux":
+        raise InstallerUnavailable("this machine does not run Linux")
     for tool in ("apt-get", "dpkg-deb"):
         if shutil.which(tool) is None:
-            raise RouteUnavailable(f"this machine has no {tool}")
+            raise InstallerUnavailable(f"this machine has no {tool}")
 
 
 def _make_apt_tree(tree: Path) -> Path:
@@ -106,7 +111,7 @@ def _keyring() -> str:
     for name in _KEYRINGS:
         if Path(name).is_file():
             return name
-    raise RouteUnavailable(
+    raise InstallerUnavailable(
         "Debian's signing keys are not installed (package debian-archive-keyring)"
     )
 
@@ -120,7 +125,7 @@ def _mirror() -> str:
         is_main = label == "Debian" or (label in {"", "$(LABEL)"} and "security" not in site)
         if created_by == "Packages" and is_main:
             return site
-    raise RouteUnavailable("the apt configuration of this machine names no Debian mirror")
+    raise InstallerUnavailable("the apt configuration of this machine names no Debian mirror")
 
 
 def _run_apt(configuration: Path, arguments: Sequence[str], timeout_s: float) -> None:
@@ -135,25 +140,15 @@ def _apt_error(verb: str, output: str) -> Exception:
     text = f"apt-get {verb} failed:\n" + "\n".join(f"  {line}" for line in lines)
     if "No space left" in output or "enough free space" in output:
         return SetupError(text, hint="free about 1.5 GB on the disk of the user cache")
-    return RouteUnavailable(text)
+    return InstallerUnavailable(text)
 
 
 def _run(command: Sequence[str], timeout_s: float) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "LC_ALL": "C", "DEBIAN_FRONTEND": "noninteractive"}
     try:
-        return subprocess.run(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-            env=environment,
-            timeout=timeout_s,
-            check=False,
-        )
+        return run_captured(command, timeout_s, environment)
     except subprocess.TimeoutExpired as error:
-        raise RouteUnavailable(f"{command[0]} took more than {timeout_s:.0f} s") from error
+        raise InstallerUnavailable(f"{command[0]} took more than {timeout_s:.0f} s") from error
 
 
 def _unpack_all(archives: Sequence[Path], prefix: Path, progress: Progress) -> None:

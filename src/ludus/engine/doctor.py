@@ -14,7 +14,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from ludus.engine.affinity import allowed_cores
-from ludus.engine.cache import cache_root, cached_records
+from ludus.engine.cache import cache_root, cached_engines
 from ludus.engine.find import search_engines
 from ludus.engine.kinds import EngineKind
 from ludus.engine.screen import find_xvfb
@@ -139,7 +139,7 @@ def _screen() -> Finding:
     if xvfb is None:
         hint = f"{install}, or the system's package (Debian: apt install xvfb)"
         return Finding("screen", FindingStatus.WARN, "no display and no Xvfb", hint)
-    records = [record for _, record in cached_records(EngineKind.GODOT4)]
+    records = [record for _, record in cached_engines(EngineKind.GODOT4)]
     if records and not any(record.has_rendering for record in records):
         detail = f"{xvfb}, but the engine in the cache came without a renderer"
         return Finding("screen", FindingStatus.WARN, detail, install)

@@ -10,7 +10,7 @@ import urllib.request
 from pathlib import Path
 from typing import IO
 
-from ludus.engine.routes import Progress, RouteUnavailable
+from ludus.engine.installing import InstallerUnavailable, Progress
 from ludus.errors import SetupError
 
 __all__ = ["CONNECT_TIMEOUT_S", "download"]
@@ -26,13 +26,13 @@ def download(url: str, into: Path, sha512: str, progress: Progress) -> None:
     """Fetch ``url`` into the file ``into``.
 
     Raises:
-        RouteUnavailable: The server cannot be reached.
+        InstallerUnavailable: The server cannot be reached.
         SetupError: The transfer broke off, or the file is not the expected one.
     """
     try:
         response = _connect(url)
     except (OSError, http.client.HTTPException) as error:
-        raise RouteUnavailable(f"{_host(url)} cannot be reached: {error}") from error
+        raise InstallerUnavailable(f"{_host(url)} cannot be reached: {error}") from error
     name = into.name
     with response, into.open("wb") as file:
         try:

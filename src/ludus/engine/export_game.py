@@ -17,7 +17,7 @@ from ludus.engine.kinds import EngineKind
 from ludus.engine.launch import LaunchConfig
 from ludus.engine.official import platform_key
 from ludus.engine.output import mark_errors
-from ludus.engine.patching import bind_to_prefix
+from ludus.engine.prefix import bind_to_prefix
 from ludus.engine.process import EngineProcess
 from ludus.engine.project import Project, find_project
 from ludus.engine.template import ExportTemplate, find_template

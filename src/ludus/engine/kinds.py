@@ -26,6 +26,11 @@ class EngineTraits:
     environment_variable: str
     path_names: tuple[str, ...]
 
+    @property
+    def requirement(self) -> str:
+        """What a refused version should have been, for messages."""
+        return f"{self.label} needs {'.'.join(map(str, self.minimum_version))} or newer"
+
 
 class EngineKind(StrEnum):
     """An engine that must be installed to run a project.

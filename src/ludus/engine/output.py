@@ -1,15 +1,17 @@
-"""Drain what a process writes, so that it never blocks, and keep the last lines."""
+"""Read what a process writes: all of a short tool's output, the last lines of a game's."""
 
 from __future__ import annotations
 
 import logging
 import os
+import subprocess
 import threading
 from collections import deque
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO
 
-__all__ = ["ERROR_MARKS", "OutputDrain", "mark_errors"]
+__all__ = ["ERROR_MARKS", "OutputDrain", "mark_errors", "run_captured"]
 
 ERROR_MARKS = ("SCRIPT ERROR", "ERROR:", "Parse Error", "USER ERROR", "panicked at", "Traceback")
 MAX_LINE_BYTES = 4000
@@ -18,8 +20,35 @@ _READ_BYTES = 1 << 16
 _log = logging.getLogger(__name__)
 
 
+def run_captured(
+    command: Sequence[str], timeout_s: float, env: Mapping[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run a tool to its end; ``stdout`` of the result also holds what it wrote to stderr.
+
+    Args:
+        command: Program and arguments.
+        timeout_s: How long it may take.
+        env: Complete environment; None passes on this process's own.
+
+    Raises:
+        OSError: The program cannot be started.
+        subprocess.TimeoutExpired: It took too long, and was killed.
+    """
+    return subprocess.run(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        encoding="utf-8",
+        errors="replace",
+        env=env,
+        timeout=timeout_s,
+        check=False,
+    )
+
+
 class OutputDrain:
-    """A daemon thread that reads a pipe until its end.
+    """A daemon thread that reads a pipe until its end, so that the writer never blocks.
 
     Args:
         pipe: Read end; the drain closes it.

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ludus.disk import disk_errors, write_atomically
-from ludus.engine import EngineKind, InstalledEngine, Target, find_engine, resolve_target
+from ludus.engine import EngineKind, InstalledEngine, find_engine
 from ludus.engine.bevy_game import is_bevy_game
 from ludus.errors import EngineNotFound, SetupError, TargetError
-from ludus.export.bevy_runtime import BevyGame
 from ludus.export.convert import to_model
-from ludus.export.godot_runtime import find_godot
+from ludus.export.engines import BevyGame
 from ludus.export.parity import (
     ParityReport,
     PolicyFiles,
@@ -26,6 +25,7 @@ from ludus.model.json_file import write_model
 from ludus.model.policy_model import PolicyModel
 from ludus.runs.run_folder import RunFolder
 from ludus.settings.train_config import TrainConfig
+from ludus.target import Executable, Scene, Target, parse_target, prepare
 
 __all__ = ["ExportConfig", "Exported", "export_policies", "write_policies"]
 
@@ -98,9 +98,8 @@ def export_policies(config: ExportConfig) -> list[Exported]:
         ]
         reports: list[ParityReport | None] = [None] * len(trained)
         if config.is_tested:
-            reports = [
-                _test(one, files, engine) for one, files in zip(trained, staged, strict=True)
-            ]
+            pairs = zip(trained, staged, strict=True)
+            reports = [_test(one, files, engine) for one, files in pairs]
         return [
             Exported(one.spec.name, place, _publish(files, place), report)
             for one, files, place, report in zip(trained, staged, places, reports, strict=True)
@@ -166,7 +165,7 @@ def _find_engine(
 ) -> InstalledEngine | BevyGame | None:
     """Return the engine to test with: the run's, or the one named; ONNX files can do without."""
     try:
-        target = _find_target(trained)
+        game = _find_game(trained)
     except SetupError as error:
         if JSON not in formats:
             return None
@@ -174,25 +173,28 @@ def _find_engine(
             f"the exported policy cannot be tested in its game: {error.message}",
             f"{error.hint}; or export without the test: --no-parity",
         ) from error
-    program = None if target is None else target.executable
-    if named is None and program is not None and is_bevy_game(program):
-        return BevyGame(program)
-    kind = None if target is None else target.engine_kind
-    return _find_godot(formats, named or trained.godot, kind or EngineKind.GODOT4)
+    if named is None and isinstance(game, Executable) and is_bevy_game(game.path):
+        return BevyGame(game.path)
+    kind = game.project.engine_kind if isinstance(game, Scene) else EngineKind.GODOT4
+    return _find_godot(formats, named or trained.godot, kind)
 
 
 def _find_godot(formats: set[str], godot: Path | None, kind: EngineKind) -> InstalledEngine | None:
-    if JSON in formats or godot is not None:
-        return find_godot(godot, kind)
     try:
-        return find_engine(kind)
-    except EngineNotFound:
-        return None
+        return find_engine(kind, godot)
+    except EngineNotFound as error:
+        if JSON not in formats and godot is None:
+            return None
+        raise EngineNotFound(
+            f"the exported policy cannot be tested in Godot: {error.message}",
+            f"{error.hint}; or export without the test: --no-parity",
+        ) from None
 
 
-def _find_target(trained: TrainConfig) -> Target | None:
+def _find_game(trained: TrainConfig) -> Target | None:
     """Return the game of a run; None where that cannot be told any more."""
     try:
-        return resolve_target(trained.target, scene=trained.scene)
+        target = parse_target(trained.target, scene=trained.scene)
+        return prepare(target)
     except TargetError:
         return None

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ludus.errors import UsageError
-from ludus.legacy.registry import find_bridge
 from ludus.libraries.single import LudusEnv
 from ludus.libraries.vector import LudusVectorEnv
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.session import LaunchOptions
+from ludus.target import Legacy, check_accepted, parse_target
 
 __all__ = ["make", "make_registered_vec", "make_vec"]
 
@@ -30,8 +30,7 @@ def make(
 
     Args:
         target: A bundled example (``"cartpole"``), a project folder, a ``.tscn``, an exported game,
-            ``host:port``, ``"play"`` (wait until somebody presses Play in the editor), or a game of
-            a legacy bridge: ``"gymgodot:PATH"``, ``"godot_gym_api:PATH"``, ``"http://HOST:PORT"``.
+            or any other word that docs/targets.md lists.
         policy: Name of the agent's policy, None if there is only one.
         render_mode: ``"human"`` opens a window and plays at the speed of the game.
         settings: Fields of :class:`ludus.PoolConfig`, such as ``scene="res://level.tscn"``,
@@ -44,7 +43,8 @@ def make(
         EngineNotFound: There is no engine to run it with.
         EngineError: The engine did not start.
     """
-    pool = _open(target, {**settings, "num_worlds": 1, "num_engines": 1}, render_mode)
+    settings = {**settings, "num_worlds": 1, "num_engines": 1}
+    pool = _open("make", target, settings, render_mode)
     return _wrapped(LudusEnv, pool, policy, render_mode)
 
 
@@ -74,7 +74,7 @@ def make_vec(
         EngineError: An engine did not start.
     """
     settings = {**settings, "num_worlds": num_worlds, "num_engines": num_engines}
-    pool = _open(target, settings, render_mode)
+    pool = _open("make_vec", target, settings, render_mode)
     return _wrapped(LudusVectorEnv, pool, policy, render_mode)
 
 
@@ -86,12 +86,16 @@ def make_registered_vec(target: str, *, num_envs: int = 1, **settings: Any) -> L
     return make_vec(target, num_worlds=num_envs // num_engines, **settings)
 
 
-def _open(target: str | Path, settings: dict[str, Any], render_mode: str | None) -> EnginePool:
+def _open(
+    function: str, target: str | Path, settings: dict[str, Any], render_mode: str | None
+) -> EnginePool:
     if render_mode not in _RENDER_MODES:
         raise UsageError(f"render_mode is {render_mode!r}, expected 'human' or None")
     if isinstance(settings.get("godot"), str):
         settings["godot"] = Path(settings["godot"])
-    if find_bridge(str(target)) is not None:
+    parsed = parse_target(target, scene=settings.get("scene"), godot=settings.get("godot"))
+    check_accepted(function, parsed)
+    if isinstance(parsed, Legacy):
         settings = _split_for_bridge(settings)
     try:
         config = PoolConfig(**settings)
@@ -101,7 +105,7 @@ def _open(target: str | Path, settings: dict[str, Any], render_mode: str | None)
     if render_mode == "human":
         launch: LaunchOptions = replace(config.launch, is_windowed=True, is_real_time=True)
         config = replace(config, launch=launch)
-    return open_pool(target, config)
+    return open_pool(parsed, config)
 
 
 def _split_for_bridge(settings: dict[str, Any]) -> dict[str, Any]:

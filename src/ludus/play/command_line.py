@@ -7,12 +7,12 @@ from dataclasses import replace
 
 from ludus.engine import (
     GodotFlags,
-    Target,
     ensure_imported,
     executable_command,
     godot_command,
 )
 from ludus.errors import TargetError
+from ludus.target import Executable, Scene, Target, prepare
 
 __all__ = ["play_command"]
 
@@ -32,20 +32,19 @@ def play_command(target: Target, flags: GodotFlags) -> tuple[str, ...]:
         TargetError: It cannot be started, or has no Ludus add-on.
         EngineNotFound: There is no engine to run it with.
     """
-    if target.executable is not None:
-        return executable_command(target.executable, flags)
-    engine = target.find_engine()
-    if engine is None or target.project is None:
+    game = prepare(target)
+    if isinstance(game, Executable):
+        return executable_command(game.path, flags)
+    if not isinstance(game, Scene):
         raise TargetError(
             f"{target.name} is a game that was started by hand",
             hint="name a project, a scene or an exported game",
         )
-    if not (target.project.root / "addons/ludus/run.tscn").is_file():
-        raise TargetError(
-            f"{target.project.root} has no Ludus add-on",
-            hint=f"run `ludus addon install {target.project.root}`",
-        )
-    ensure_imported(engine, target.project)
-    own = (f"--ludus-play={target.scene}", f"--ludus-parent={os.getpid()}")
+    root = game.project.root
+    if not (root / "addons/ludus/run.tscn").is_file():
+        raise TargetError(f"{root} has no Ludus add-on", hint=f"run `ludus addon install {root}`")
+    engine = game.find_engine()
+    ensure_imported(engine, game.project)
+    own = (f"--ludus-play={game.path}", f"--ludus-parent={os.getpid()}")
     flags = replace(flags, user_args=(*own, *flags.user_args))
-    return godot_command(engine, target.project.root, RUN_SCENE, flags)
+    return godot_command(engine, root, RUN_SCENE, flags)

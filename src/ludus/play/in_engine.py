@@ -9,11 +9,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, cast
 
-from ludus.engine import EngineProcess, GodotFlags, LaunchConfig, resolve_target
+from ludus.engine import EngineProcess, GodotFlags, LaunchConfig
 from ludus.errors import EngineCrashed, EngineTimeout, GameError
 from ludus.play.command_line import play_command
 from ludus.play.episodes import EpisodeCounter, OnEpisode
 from ludus.play.interactive import PlayConfig
+from ludus.target import check_accepted, parse_target
 
 __all__ = ["play_in_engine"]
 
@@ -46,7 +47,8 @@ def play_in_engine(
         EngineTimeout: Without a window, no episode ended for two minutes.
         GameError: The game reported an episode in a way that cannot be read.
     """
-    target = resolve_target(config.target, scene=config.scene, godot=config.godot)
+    target = parse_target(config.target, scene=config.scene, godot=config.godot)
+    check_accepted("play", target)
     flags = GodotFlags(
         headless=config.is_headless,
         fixed_fps=GodotFlags().fixed_fps if config.is_headless else None,

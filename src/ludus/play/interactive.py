@@ -7,7 +7,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from ludus.engine import EngineProcess, GodotFlags, LaunchConfig, resolve_target
+from ludus.engine import EngineProcess, GodotFlags, LaunchConfig
 from ludus.errors import EngineCrashed, SetupError
 from ludus.play.command_line import play_command
 from ludus.play.episodes import EpisodeCounter, OnEpisode
@@ -15,6 +15,7 @@ from ludus.play.players import MakePlayer
 from ludus.play.playing import Play
 from ludus.pool import PoolConfig, open_pool
 from ludus.session import LaunchOptions
+from ludus.target import check_accepted, parse_target
 
 __all__ = ["PlayConfig", "play_by_hand", "play_episodes", "require_screen"]
 
@@ -73,17 +74,17 @@ def play_episodes(config: PlayConfig, player: MakePlayer, on_episode: OnEpisode)
         TargetError: The target cannot be run.
         EngineError: The engine failed.
     """
+    target = parse_target(config.target, scene=config.scene, godot=config.godot)
+    check_accepted("play", target)
     launch = LaunchOptions(is_windowed=not config.is_headless, is_real_time=not config.is_headless)
     settings = PoolConfig(
-        scene=config.scene,
         ticks_per_step=config.ticks_per_step,
         max_episode_steps=config.max_episode_steps,
-        godot=config.godot,
         is_pinned=config.is_headless,
         launch=launch,
     )
     try:
-        with open_pool(config.target, settings) as pool:
+        with open_pool(target, settings) as pool:
             counter = EpisodeCounter(pool.policies, config.num_episodes, on_episode)
             Play(pool, player(pool), config.seed).run(counter)
     except EngineCrashed as error:
@@ -98,7 +99,8 @@ def play_by_hand(config: PlayConfig) -> None:
         TargetError: The target cannot be started.
         EngineCrashed: The game failed.
     """
-    target = resolve_target(config.target, scene=config.scene, godot=config.godot)
+    target = parse_target(config.target, scene=config.scene, godot=config.godot)
+    check_accepted("play", target)
     command = play_command(target, GodotFlags(headless=False, fixed_fps=None))
     with EngineProcess.start(LaunchConfig(command=command)) as process:
         while (exit_code := process.wait(POLL_S)) is None:

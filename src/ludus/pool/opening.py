@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -11,10 +11,8 @@ from typing import Any
 from ludus.engine import (
     CorePlan,
     ReservedCores,
-    Target,
     allowed_cores,
     reserve_cores,
-    resolve_target,
 )
 from ludus.errors import ConfigError
 from ludus.legacy.registry import (
@@ -26,20 +24,28 @@ from ludus.legacy.registry import (
 )
 from ludus.pool.engine_pool import EnginePool
 from ludus.session import LaunchOptions, Session, open_session
+from ludus.session.gymnasium_session import GymnasiumSession, make_environment
+from ludus.target import (
+    Address,
+    EngineTarget,
+    Gymnasium,
+    Legacy,
+    Play,
+    PolicyFile,
+    Run,
+    Target,
+    check_accepted,
+    parse_target,
+    prepare,
+)
 from ludus.wire.handshake import EngineConfig
 
 __all__ = ["PoolConfig", "open_pool", "spin_us_beside"]
 
 DEFAULT_SPIN_US = 3000
-_NOT_OF_BRIDGES = (
-    "scene",
-    "num_worlds",
-    "layout",
-    "ticks_per_step",
-    "godot",
-    "spin_us",
-    "launch",
-)
+_NOT_OF_ENVIRONMENTS = ("scene", "layout", "ticks_per_step", "godot", "spin_us")
+"""Settings that mean nothing to an environment of Gymnasium."""
+_NOT_OF_BRIDGES = (*_NOT_OF_ENVIRONMENTS, "num_worlds", "launch")
 """Settings that mean nothing to a game of a legacy bridge."""
 
 
@@ -82,46 +88,79 @@ class PoolConfig:
     bridge: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
 
-def open_pool(target: str | Path, config: PoolConfig | None = None) -> EnginePool:
+def open_pool(target: str | Path | Target, config: PoolConfig | None = None) -> EnginePool:
     """Start the engines of ``target`` and return them as one environment.
 
     Args:
-        target: A bundled example, a project folder, a ``.tscn``, an exported game,
-            ``host:port``, ``"play"`` (wait until somebody presses Play), or a game of an older
-            bridge (``"gymgodot:PATH"``, ``"godot_gym_api:PATH"``, ``"http://HOST:PORT"``).
+        target: What docs/targets.md lists, as text or already parsed. With a parsed target,
+            ``scene`` and ``godot`` of ``config`` are not read.
         config: Engines and worlds.
 
     Raises:
-        ConfigError: A number is out of range.
+        ConfigError: A setting is out of range, or means nothing to this target.
         TargetError: The target cannot be run.
         EngineNotFound: There is no engine to run it with.
         EngineError: An engine did not start.
     """
     config = config or PoolConfig()
     _check_numbers(config)
-    bridge = find_bridge(str(target))
-    if bridge is not None:
-        return _open_bridge(bridge, bridge.place_of(str(target)), config)
-    resolved = resolve_target(target, scene=config.scene, godot=config.godot)
-    _check(config, resolved)
-    cores = _reserve_cores(config, resolved.is_started_by_us)
+    if isinstance(target, str | Path):
+        target = parse_target(target, scene=config.scene, godot=config.godot)
+    check_accepted("open_pool", target)
+    match target:
+        case Gymnasium():
+            return _open_environments(target, config)
+        case Legacy():
+            return _open_legacy_games(target, config)
+        case Run() | PolicyFile():
+            raise AssertionError("check_accepted refuses them")
+        case _:
+            return _open_engines(target, config)
+
+
+def _open_engines(target: EngineTarget, config: PoolConfig) -> EnginePool:
+    _check(config, target)
+    game = prepare(target)
+    cores = _reserve_cores(config, is_started_by_us=not isinstance(game, Address | Play))
 
     def open_engine(engine: int) -> Session:
         pinned = cores.plan.engines[engine]
         options = replace(config.launch, cores=pinned, log_path=_log_path(config, engine))
-        return open_session(resolved, _engine_config(config, engine), options)
+        return open_session(game, _engine_config(config, engine), options)
 
     return EnginePool(open_engine, config.num_engines, config.max_restarts, cores)
 
 
-def _open_bridge(bridge: Bridge, address: str, config: PoolConfig) -> EnginePool:
+def _open_environments(target: Gymnasium, config: PoolConfig) -> EnginePool:
+    if config.layout == "isolated":  # as it is anyway
+        config = replace(config, layout="scene")
+    _refuse_changed(config, _NOT_OF_ENVIRONMENTS, f"{target.name} has no engine", "leave it out")
+    render_mode = "human" if config.launch.is_windowed else None
+    # All are made here, as an environment may hold what belongs to the thread that made it; and
+    # only once, as one that fails would fail again.
+    sessions = [
+        GymnasiumSession(
+            [
+                make_environment(target.env_id, config.max_episode_steps, render_mode)
+                for _ in range(config.num_worlds)
+            ],
+            target.env_id,
+        )
+        for _ in range(config.num_engines)
+    ]
+    return EnginePool(sessions.__getitem__, config.num_engines)
+
+
+def _open_legacy_games(target: Legacy, config: PoolConfig) -> EnginePool:
+    bridge = find_bridge(target.name)
+    assert bridge is not None, "a test holds the prefixes of targets and bridges together"
     check_settings(bridge, config.bridge)
-    _check_bridge(bridge, config)
+    _check_legacy(bridge, config)
     cores = _reserve_cores(config)
 
     def open_engine(engine: int) -> Session:
         place = GameAddress(
-            address=address,
+            address=bridge.place_of(target.name),
             num_games=config.num_engines,
             cores=cores.plan.engines[engine],
             log_path=_log_path(config, engine),
@@ -131,7 +170,7 @@ def _open_bridge(bridge: Bridge, address: str, config: PoolConfig) -> EnginePool
     return EnginePool(open_engine, config.num_engines, config.max_restarts, cores)
 
 
-def _reserve_cores(config: PoolConfig, is_started_by_us: bool = True) -> ReservedCores:
+def _reserve_cores(config: PoolConfig, *, is_started_by_us: bool = True) -> ReservedCores:
     if config.is_pinned and is_started_by_us:
         return reserve_cores(config.num_engines)
     return ReservedCores(CorePlan((None,) * config.num_engines, None))
@@ -149,27 +188,33 @@ def _check_numbers(config: PoolConfig) -> None:
         )
 
 
-def _check_bridge(bridge: Bridge, config: PoolConfig) -> None:
-    usual = PoolConfig()
-    names = [name for name in _NOT_OF_BRIDGES if getattr(config, name) != getattr(usual, name)]
-    if names:
-        raise ConfigError(
-            f"{bridge.form} is one world, as its makers wrote it: {', '.join(names)} cannot be set",
-            hint="leave it out; num_engines is how many games run, if each can listen at a port "
-            f"of its own ({bridge.page})",
-        )
+def _check_legacy(bridge: Bridge, config: PoolConfig) -> None:
+    _refuse_changed(
+        config,
+        _NOT_OF_BRIDGES,
+        f"{bridge.form} is one world, as its makers wrote it",
+        "leave it out; num_engines is how many games run, if each can listen at a port of its own "
+        f"({bridge.page})",
+    )
     if config.max_episode_steps is not None and config.max_episode_steps < 1:
         raise ConfigError(f"max_episode_steps is {config.max_episode_steps}, expected at least 1")
 
 
-def _check(config: PoolConfig, target: Target) -> None:
+def _refuse_changed(config: PoolConfig, names: Sequence[str], reason: str, hint: str) -> None:
+    usual = PoolConfig()
+    changed = [name for name in names if getattr(config, name) != getattr(usual, name)]
+    if changed:
+        raise ConfigError(f"{reason}: {', '.join(changed)} cannot be set", hint)
+
+
+def _check(config: PoolConfig, target: EngineTarget) -> None:
     if config.bridge:
         raise ConfigError(
             f"{', '.join(config.bridge)} is a setting of legacy bridges, and {target.name} is none"
         )
     if config.layout not in {"scene", "isolated", "grid"}:
         raise ConfigError(f"layout is {config.layout!r}, expected scene, isolated or grid")
-    if config.num_engines > 1 and not target.is_started_by_us:
+    if config.num_engines > 1 and isinstance(target, Address | Play):
         raise ConfigError(
             f"a game that is started by hand is one engine, not {config.num_engines}",
             hint="--num-engines 1, or num_engines=1",

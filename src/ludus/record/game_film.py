@@ -13,15 +13,11 @@ from ludus.engine import (
     EngineProcess,
     GodotFlags,
     LaunchConfig,
-    Target,
-    TargetKind,
     ensure_imported,
-    find_engine,
     godot_command,
 )
 from ludus.engine.find import InstalledEngine
-from ludus.engine.project import Project
-from ludus.errors import EngineCrashed, EngineError, EngineTimeout, SetupError, TargetError
+from ludus.errors import EngineCrashed, EngineError, EngineTimeout, SetupError
 from ludus.play.episodes import EpisodeCounter
 from ludus.play.players import MakePlayer
 from ludus.play.playing import Play
@@ -32,8 +28,9 @@ from ludus.record.film import Frame
 from ludus.record.screen import screen, variables
 from ludus.record.shot import Shot
 from ludus.session import LaunchOptions
+from ludus.target import Scene
 
-__all__ = ["film_alone", "film_played", "game_rate", "require_project"]
+__all__ = ["film_alone", "film_played", "game_rate"]
 
 CONNECT_S = 60.0
 SILENCE_S = 120.0
@@ -43,39 +40,18 @@ _POLL_S = 0.05
 _NO_RENDERER = ("Display is not available", "Your video card", "Unable to create", "GLX", "EGL")
 
 
-def require_project(target: Target) -> Project:
-    """Return the project of a target that can be filmed.
-
-    Raises:
-        TargetError: It opens no window, or none that we could look into.
-    """
-    if target.kind is TargetKind.EXECUTABLE:
-        raise TargetError(
-            f"{target.name} is an exported game, which cannot be filmed",
-            hint="film the project that it was exported from",
-        )
-    if target.project is None:
-        raise TargetError(
-            f"{target.name} is a game that somebody else starts, whose window cannot be filmed",
-            hint="name a bundled example, a project folder or a scene, and a run with --policy",
-        )
-    return target.project
-
-
-def game_rate(project: Project) -> Fraction:
+def game_rate(scene: Scene) -> Fraction:
     """Return how many frames a second of game time has: one for each physics tick."""
-    return Fraction(project.ticks_per_second)
+    return Fraction(scene.project.ticks_per_second)
 
 
-def film_played(
-    target: Target, config: PoolConfig, player: MakePlayer, shot: Shot
-) -> dict[str, int]:
+def film_played(scene: Scene, config: PoolConfig, player: MakePlayer, shot: Shot) -> dict[str, int]:
     """Film a game that Python plays; return how many episodes of each policy have ended.
 
     The first frame shows the game after the first ticks of the first step.
 
     Args:
-        target: Of a project.
+        scene: What is played.
         config: Of the pool; how it is launched is chosen here.
         player: From the pool to the way to act in it.
         shot: What is taken.
@@ -85,11 +61,11 @@ def film_played(
         RunError: The film could not be written.
         SetupError: There is no screen, or nothing to draw with.
     """
-    engine = _engine_of(target)
-    with _camera(shot) as camera, _explained(engine):
+    engine = _engine_of(scene)
+    with _camera(shot) as camera, _hint_at_renderer(engine):
         launch = LaunchOptions(is_windowed=True, engine_args=_engine_args(engine, shot))
-        settings = replace(config, scene=target.scene, is_pinned=False, launch=launch)
-        with open_pool(require_project(target).root, settings) as pool:
+        settings = replace(config, is_pinned=False, launch=launch)
+        with open_pool(scene, settings) as pool:
             camera.connect(CONNECT_S, lambda: None)
             counter = EpisodeCounter(pool.policies, shot.num_episodes)
             play = Play(pool, player(pool), shot.seed)
@@ -101,20 +77,19 @@ def film_played(
         return dict(counter.num_episodes)
 
 
-def film_alone(target: Target, shot: Shot) -> None:
+def film_alone(scene: Scene, shot: Shot) -> None:
     """Film a game that plays itself, or that nobody plays; errors as :func:`film_played`."""
-    engine = _engine_of(target)
-    project = require_project(target)
-    ensure_imported(engine, project)
+    engine = _engine_of(scene)
+    ensure_imported(engine, scene.project)
     flags = GodotFlags(
         headless=False,
-        fixed_fps=project.ticks_per_second,
+        fixed_fps=scene.project.ticks_per_second,
         engine_args=_engine_args(engine, shot),
     )
-    command = godot_command(engine, project.root, target.scene, flags)
+    command = godot_command(engine, scene.project.root, scene.path, flags)
     with (
         _camera(shot) as camera,
-        _explained(engine),
+        _hint_at_renderer(engine),
         EngineProcess.start(LaunchConfig(command=command)) as process,
     ):
         camera.connect(CONNECT_S, lambda: _check_alive(process))
@@ -141,8 +116,8 @@ def _camera(shot: Shot) -> Generator[Camera]:
 
 
 @contextmanager
-def _explained(engine: InstalledEngine) -> Generator[None]:
-    """Say what is missing where the game could not draw."""
+def _hint_at_renderer(engine: InstalledEngine) -> Generator[None]:
+    """Say how to install a renderer, where the game could not draw."""
     try:
         yield
     except EngineError as error:
@@ -154,13 +129,13 @@ def _explained(engine: InstalledEngine) -> Generator[None]:
         raise
 
 
-def _engine_of(target: Target) -> InstalledEngine:
-    kind = require_project(target).engine_kind
-    engine = find_engine(kind, target.godot)
+def _engine_of(scene: Scene) -> InstalledEngine:
+    engine = scene.find_engine()
     if "server" in engine.executable(headless=False).name:
         raise SetupError(
             f"{engine.path} has no renderer",
-            hint=f"ludus engine install {kind} --rendering, or name another one with --godot",
+            hint=f"ludus engine install {engine.kind} --rendering, or name another one with "
+            "--godot",
         )
     return engine
 

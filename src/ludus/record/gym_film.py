@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 from collections.abc import Callable
 from fractions import Fraction
@@ -15,16 +14,14 @@ from numpy.typing import NDArray
 from ludus.errors import ConfigError, TargetError
 from ludus.folder_imports import look_in_current_folder
 from ludus.play.players import MakePlayer
-from ludus.pool.gymnasium_pool import GymnasiumPool
+from ludus.pool import EnginePool
 from ludus.record.film import Frame
 from ludus.record.shot import Shot
+from ludus.session.gymnasium_session import GymEnv, GymnasiumSession
 
-__all__ = ["GYMNASIUM_PREFIX", "env_rate", "film_gymnasium", "make_rendering"]
+__all__ = ["env_rate", "film_gymnasium", "make_rendering"]
 
-GYMNASIUM_PREFIX = "gym:"
 RENDER_MODE = "rgb_array"
-
-GymEnv = gymnasium.Env[Any, Any]
 
 
 def make_rendering(env_id: str, max_episode_steps: int | None) -> GymEnv:
@@ -85,7 +82,7 @@ def film_gymnasium(env: GymEnv, player: MakePlayer, shot: Shot) -> dict[str, int
             shot.film.add(_checked(frame))
 
     filmed = _Filmed(env, shoot)
-    with contextlib.closing(GymnasiumPool("", open_env=lambda: filmed)) as pool:
+    with EnginePool(lambda _: GymnasiumSession([filmed])) as pool:
         return shot.play(pool, player, lambda: shot.is_full)
 
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
-from ludus.engine import Target, TargetKind, resolve_target
 from ludus.engine.bevy_build import with_view
 from ludus.errors import ConfigError, TargetError
 from ludus.play.players import MakePlayer, load_player, random_player
@@ -16,7 +15,15 @@ from ludus.pool import PoolConfig, open_pool
 from ludus.record.film import Film, check_out
 from ludus.record.film_kinds import choose_rate
 from ludus.record.shot import Shot
-from ludus.runs.run_folder import RunFolder
+from ludus.target import (
+    Executable,
+    Gymnasium,
+    Scene,
+    check_accepted,
+    find_run,
+    parse_target,
+    prepare,
+)
 
 __all__ = ["RecordConfig", "Recorded", "record"]
 
@@ -108,22 +115,27 @@ def record(config: RecordConfig) -> Recorded:
     config = _with_run(config)
     _check(config)
     check_out(config.out)
-    if config.target.startswith("gym:"):
-        return _record_gymnasium(config)
-    target = resolve_target(with_view(config.target), scene=config.scene, godot=config.godot)
-    if target.kind is TargetKind.EXECUTABLE:
-        return _record_pictures(config, target)
-    return _record_game(config, target)
+    target = parse_target(with_view(config.target), scene=config.scene, godot=config.godot)
+    check_accepted("record", target)
+    match prepare(target):
+        case Gymnasium() as environment:
+            return _record_gymnasium(config, environment)
+        case Executable() as game:
+            return _record_pictures(config, game)
+        case Scene() as scene:
+            return _record_game(config, scene)
+        case _:
+            raise AssertionError("check_accepted refuses it")
 
 
 def _with_run(config: RecordConfig) -> RecordConfig:
     """Take from a run what it was trained with."""
     target = Path(config.target)
-    if is_run := RunFolder.look_up(target) is not None:
+    if is_run := find_run(target) is not None:
         run = target
         if not config.policy and not config.is_random:
             config = replace(config, policy=(target,))
-    elif len(config.policy) == 1 and RunFolder.look_up(config.policy[0]) is not None:
+    elif len(config.policy) == 1 and find_run(config.policy[0]) is not None:
         run = config.policy[0]
     else:
         return config
@@ -173,29 +185,28 @@ def _pool_config(config: RecordConfig) -> PoolConfig:
     )
 
 
-def _record_game(config: RecordConfig, target: Target) -> Recorded:
+def _record_game(config: RecordConfig, scene: Scene) -> Recorded:
     from ludus.record import game_film
 
     def take(shot: Shot) -> dict[str, int]:
         if config.policy or config.is_random:
-            return game_film.film_played(target, _pool_config(config), _player(config), shot)
-        game_film.film_alone(target, shot)
+            return game_film.film_played(scene, _pool_config(config), _player(config), shot)
+        game_film.film_alone(scene, shot)
         return {}
 
-    return _film(config, game_film.game_rate(game_film.require_project(target)), take)
+    return _film(config, game_film.game_rate(scene), take)
 
 
-def _record_pictures(config: RecordConfig, target: Target) -> Recorded:
+def _record_pictures(config: RecordConfig, game: Executable) -> Recorded:
     from ludus.record import picture_film
 
     if not (config.policy or config.is_random):
         raise TargetError(
-            f"{target.name} is an exported game, which is filmed only while somebody plays it",
+            f"{game.name} is an exported game, which is filmed only while somebody plays it",
             hint="use --policy or --random with a game made with Bevy; of one made with Godot, "
             "film the project that it was exported from",
         )
-    assert target.executable is not None, "it is an executable"
-    with open_pool(target.executable, _pool_config(config)) as pool:
+    with open_pool(game, _pool_config(config)) as pool:
         return _film(
             config,
             picture_film.picture_rate(pool),
@@ -203,13 +214,12 @@ def _record_pictures(config: RecordConfig, target: Target) -> Recorded:
         )
 
 
-def _record_gymnasium(config: RecordConfig) -> Recorded:
+def _record_gymnasium(config: RecordConfig, target: Gymnasium) -> Recorded:
     from ludus.record import gym_film
     from ludus.record.screen import screen
 
-    env_id = config.target.removeprefix(gym_film.GYMNASIUM_PREFIX)
     with screen(), contextlib.ExitStack() as stack:
-        env = gym_film.make_rendering(env_id, config.max_episode_steps)
+        env = gym_film.make_rendering(target.env_id, config.max_episode_steps)
         stack.callback(env.close)
         return _film(
             config,

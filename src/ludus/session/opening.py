@@ -12,8 +12,6 @@ from ludus.engine import (
     EngineProcess,
     GodotFlags,
     LaunchConfig,
-    Target,
-    TargetKind,
     ensure_imported,
     executable_command,
     godot_command,
@@ -23,6 +21,7 @@ from ludus.errors import EngineStartError, EngineTimeout, TargetError
 from ludus.link import Link, Listener, connect
 from ludus.session.engine_session import EngineSession, RendererMissing
 from ludus.session.supervision import Supervision
+from ludus.target import Address, EngineTarget, Executable, Play, Scene, prepare
 from ludus.wire.handshake import EngineConfig
 
 __all__ = ["LaunchOptions", "open_session"]
@@ -63,7 +62,7 @@ class LaunchOptions:
 
 
 def open_session(
-    target: Target, config: EngineConfig, options: LaunchOptions | None = None
+    target: EngineTarget, config: EngineConfig, options: LaunchOptions | None = None
 ) -> EngineSession:
     """Open a session with ``target``.
 
@@ -74,25 +73,29 @@ def open_session(
         EngineError: The engine did not start, died, froze or broke the protocol.
     """
     options = options or LaunchOptions()
-    if target.kind is TargetKind.ADDRESS:
-        return _converse(_connect(target, options), None, config, options)
-    if target.kind is TargetKind.PLAY:
-        return _await_play(target, config, options)
-    config = replace(config, scene=config.scene or target.scene)
+    game = prepare(target)
+    if isinstance(game, Address):
+        return _converse(_connect(game, options), None, config, options)
+    if isinstance(game, Play):
+        return _await_play(game, config, options)
+    if isinstance(game, Scene):
+        config = replace(config, scene=config.scene or game.path)
     try:
-        return _launch(target, config, options)
+        return _launch(game, config, options)
     except RendererMissing:
         if options.is_windowed or options.has_renderer:
             raise
-    return _launch(target, config, replace(options, has_renderer=True))
+    return _launch(game, config, replace(options, has_renderer=True))
 
 
-def _launch(target: Target, config: EngineConfig, options: LaunchOptions) -> EngineSession:
+def _launch(
+    game: Scene | Executable, config: EngineConfig, options: LaunchOptions
+) -> EngineSession:
     with contextlib.closing(Listener()) as listener:
         addresses = ",".join(listener.addresses)
         launch = LaunchConfig(
             command=_command(
-                target, options, (f"--ludus-connect={addresses}", f"--ludus-parent={os.getpid()}")
+                game, options, (f"--ludus-connect={addresses}", f"--ludus-parent={os.getpid()}")
             ),
             cores=options.cores,
             log_path=options.log_path,
@@ -121,8 +124,10 @@ def _converse(
     return EngineSession(link, config, Supervision(process), options.token, options.step_timeout_s)
 
 
-def _command(target: Target, options: LaunchOptions, user_args: tuple[str, ...]) -> tuple[str, ...]:
-    project = target.project
+def _command(
+    game: Scene | Executable, options: LaunchOptions, user_args: tuple[str, ...]
+) -> tuple[str, ...]:
+    project = game.project if isinstance(game, Scene) else None
     has_renderer = options.is_windowed or options.has_renderer
     unseen = () if options.is_windowed or not has_renderer else _DRAW_ONLY_WHEN_ASKED
     flags = GodotFlags(
@@ -131,43 +136,38 @@ def _command(target: Target, options: LaunchOptions, user_args: tuple[str, ...])
         user_args=user_args,
         engine_args=(*unseen, *options.engine_args),
     )
-    if project is None:
-        assert target.executable is not None
-        command = executable_command(target.executable, flags)
+    if isinstance(game, Executable):
+        command = executable_command(game.path, flags)
     else:
+        project = game.project
         if not (project.root / "addons/ludus/run.tscn").is_file():
             raise TargetError(
                 f"{project.root} has no Ludus add-on",
                 hint=f"run `ludus addon install {project.root}`",
             )
-        engine = target.find_engine()
-        assert engine is not None
+        engine = game.find_engine()
         ensure_imported(engine, project)
         command = godot_command(engine, project.root, RUN_SCENE, flags)
     return with_display(command) if has_renderer else command
 
 
-def _connect(target: Target, options: LaunchOptions) -> Link:
-    assert target.address is not None
-    _check_token(target.address[0], options.token)
+def _connect(game: Address, options: LaunchOptions) -> Link:
+    _check_token(game.host, options.token)
     try:
-        return connect(target.address, options.start_timeout_s)
+        return connect((game.host, game.port), options.start_timeout_s)
     except OSError as error:
-        host, port = target.address
         raise EngineStartError(
-            f"no game answers at {host}:{port}: {error}",
-            hint=f"start the game with `-- --ludus-listen={host}:{port}`",
+            f"no game answers at {game.host}:{game.port}: {error}",
+            hint=f"start the game with `-- --ludus-listen={game.host}:{game.port}`",
         ) from error
 
 
-def _await_play(target: Target, config: EngineConfig, options: LaunchOptions) -> EngineSession:
-    assert target.address is not None
-    host, port = target.address
+def _await_play(game: Play, config: EngineConfig, options: LaunchOptions) -> EngineSession:
     try:
-        listener = Listener((host, port))
+        listener = Listener((game.host, game.port))
     except OSError as error:
         raise EngineStartError(
-            f"cannot listen at {host}:{port}: {error}",
+            f"cannot listen at {game.host}:{game.port}: {error}",
             hint="another trainer may be waiting there; end it first",
         ) from error
     with contextlib.closing(listener):

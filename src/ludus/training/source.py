@@ -1,19 +1,18 @@
-"""Open the pool that a config asks for: real engines, or any Gymnasium environment."""
+"""Open the pool that the settings of a run ask for."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from ludus.errors import ConfigError
-from ludus.pool.interface import Pool
+from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.settings.train_config import TrainConfig
+from ludus.target import check_accepted, parse_target
 
-__all__ = ["GYMNASIUM_PREFIX", "open_source"]
-
-GYMNASIUM_PREFIX = "gym:"
+__all__ = ["open_source"]
 
 
-def open_source(config: TrainConfig, log_dir: Path | None = None) -> Pool:
+def open_source(config: TrainConfig, log_dir: Path | None = None) -> EnginePool:
     """Return the pool of ``config.target``; close it when done.
 
     Args:
@@ -27,19 +26,10 @@ def open_source(config: TrainConfig, log_dir: Path | None = None) -> Pool:
     """
     if not config.target:
         raise ConfigError("no target was given", "name one: ludus train cartpole")
-    if config.target.startswith(GYMNASIUM_PREFIX):
-        from ludus.pool.gymnasium_pool import GymnasiumPool
-
-        return GymnasiumPool(
-            config.target.removeprefix(GYMNASIUM_PREFIX),
-            num_worlds=config.num_worlds,
-            num_engines=config.num_engines,
-            max_episode_steps=config.max_episode_steps,
-        )
-    from ludus.pool import PoolConfig, open_pool
-
+    target = parse_target(config.target, scene=config.scene, godot=config.godot)
+    check_accepted("train", target)
     return open_pool(
-        config.target,
+        target,
         PoolConfig(
             scene=config.scene,
             num_worlds=config.num_worlds,

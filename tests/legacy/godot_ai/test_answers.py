@@ -317,11 +317,11 @@ def test_a_bulk_folder_that_leads_outside_is_not_written_to(client: Client, tmp_
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "is no JSON"),
+        (b"", "is not JSON"),
         (b"[]", "must hold an object"),
-        (b'{"hero": [1, 2,', "is no JSON"),
-        (b"\xff\xfe", "is no JSON"),
-        (b"[" * 100_000, "is no JSON"),
+        (b'{"hero": [1, 2,', "is not JSON"),
+        (b"\xff\xfe", "is not JSON"),
+        (b"[" * 100_000, "is not JSON"),
     ],
 )
 def test_broken_files(client: Client, content: bytes, message: str) -> None:

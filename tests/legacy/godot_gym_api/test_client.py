@@ -13,8 +13,8 @@ from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 
 from ludus.errors import ActionError, ConfigError, GameError, SequenceError, UsageError
+from ludus.legacy.env import LegacyEnv
 from ludus.legacy.godot_gym_api import Data, GodotClient, GodotEnvironment
-from ludus.legacy.godot_gym_api.env import GodotGymApiEnv
 from ludus.legacy.godot_gym_api.messages import State
 from tests.legacy.godot_gym_api.compiled import APPLE_SEEKER, WALK
 from tests.legacy.godot_gym_api.conftest import ALL, WALK_SPACES, Opener
@@ -66,8 +66,8 @@ def test_the_recorded_game_as_an_environment(opener: Opener) -> None:
             engine_address=address,
             configuration={"environment": {"repeat_action": 4}},
         )
-        assert isinstance(env.unwrapped, GodotGymApiEnv)
-        env.unwrapped.configure({"environment": {"time_speed": 4.0}})
+        assert isinstance(env.unwrapped, LegacyEnv)
+        env.unwrapped.game.methods["configure"]({"environment": {"time_speed": 4.0}})
         env.reset()
         for action in (0, 0, 0, 3, 3, 1, 2):
             observation, reward, terminated, truncated, _ = env.step(np.int64(action))
@@ -243,7 +243,7 @@ def test_actions_that_do_not_fit(opener: Opener, action: Any) -> None:
 def test_requests_that_are_no_json(opener: Opener, action: Any) -> None:
     with playing(answering(Walk())) as address:
         client = opener.client(engine_address=address)
-        with pytest.raises(ActionError, match="no JSON"):
+        with pytest.raises(ActionError, match="not JSON"):
             client.step(action, ALL)
         assert client.step(0.5, ALL)["agent"].place == 0.5
         client.close()
@@ -289,8 +289,8 @@ def test_configurations_that_cannot_be_used(opener: Opener) -> None:
     [
         (spaces.Box(0, 1, ()), {"far": 1}, "neither agent nor world sent a field called 'place'"),
         (spaces.Box(0, 1, (2,)), {"place": [1]}, r"shape \[1\] instead of \[2\]"),
-        (spaces.Box(0, 1, (2,)), {"place": [1, None]}, "something that is no number: None"),
-        (spaces.Box(0, 1, (2,)), {"place": "ab"}, "something that is no number: 'ab'"),
+        (spaces.Box(0, 1, (2,)), {"place": [1, None]}, "something that is not a number: None"),
+        (spaces.Box(0, 1, (2,)), {"place": "ab"}, "something that is not a number: 'ab'"),
         (spaces.Box(0, 1, (2,)), {"place": {"$bytes": "AAAA"}}, r"shape \[3\] instead of \[2\]"),
         (spaces.Box(0, 1, (2,)), {"place": [1, float("nan")]}, r"nan at \[1\]"),
     ],

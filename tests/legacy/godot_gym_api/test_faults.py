@@ -24,7 +24,7 @@ from ludus.errors import (
     TargetError,
 )
 from ludus.legacy.godot_gym_api import GodotClient
-from ludus.legacy.godot_gym_api.ports import free_port
+from ludus.legacy.godot_gym_api.connecting import free_port
 from tests.legacy.godot_gym_api.compiled import WALK
 from tests.legacy.godot_gym_api.conftest import ALL, Opener, left_processes
 from tests.legacy.godot_gym_api.fake_game import Serve, Walk, answering, playing, read_request
@@ -73,14 +73,14 @@ def test_a_game_that_hangs_up(opener: Opener, serve: Serve) -> None:
 @pytest.mark.parametrize(
     ("answer", "what"),
     [
-        (b"\xff\xfe", r"the answer is no JSON: b'\xff\xfe'"),
-        (b"{]", "something that is no JSON"),
+        (b"\xff\xfe", r"the answer is not JSON: b'\xff\xfe'"),
+        (b"{]", "something that is not JSON"),
         (b'{"agent_data": 3}', "agent_data must be a JSON object"),
         (b'{"world_data": [1]}', "world_data must be a JSON object"),
-        (b'{"agent_data": {"a": {"$bytes": 3}}}', "$bytes is no text"),
-        (b'{"agent_data": {"a": {"$bytes": "?"}}}', "$bytes is no base 64"),
-        (b'{"agent_data": ' + b"[" * 100_000, "no JSON"),
-        (b'{"agent_data": {"a": ' + b'{"b":' * 990 + b"1" + b"}" * 992, "no JSON"),
+        (b'{"agent_data": {"a": {"$bytes": 3}}}', "$bytes is not a text"),
+        (b'{"agent_data": {"a": {"$bytes": "?"}}}', "$bytes is not base 64"),
+        (b'{"agent_data": ' + b"[" * 100_000, "not JSON"),
+        (b'{"agent_data": {"a": ' + b'{"b":' * 990 + b"1" + b"}" * 992, "not JSON"),
         (WALK.Message(agent_data={"place": 1.0}).SerializeToString(), "give the compiled module"),
     ],
 )
@@ -100,7 +100,7 @@ def test_answers_that_are_no_json(opener: Opener, answer: bytes, what: str) -> N
 def test_answers_that_are_no_protobuf(opener: Opener, answer: bytes) -> None:
     with playing(bytes_after_a_request(frame(answer))) as address:
         client = opener.client(WALK, address)
-        with pytest.raises(ProtocolError, match="no such protobuf message") as caught:
+        with pytest.raises(ProtocolError, match="not such a protobuf message") as caught:
             client.reset(ALL)
         assert "same message.proto" in caught.value.hint
 

@@ -16,7 +16,7 @@ from gymnasium.wrappers import TimeLimit
 from PIL import Image
 
 from ludus.errors import ActionError, ConfigError, SequenceError, UsageError
-from ludus.legacy.godot_gym_api.ports import free_port
+from ludus.legacy.godot_gym_api.connecting import free_port
 from tests.legacy.gymgodot.conftest import ROOT, Opener, fake_command, game_of, left_processes
 from tests.legacy.gymgodot.fake_game import CONVERSATION
 
@@ -207,5 +207,5 @@ def test_actions_that_do_not_fit(opener: Opener, action: Any) -> None:
 
 
 def test_reset_options_are_refused(opener: Opener) -> None:
-    with pytest.raises(UsageError, match="unknown reset option level"):
+    with pytest.raises(UsageError, match="unknown reset option 'level'"):
         opener.fake("walk").reset(options={"level": 2})

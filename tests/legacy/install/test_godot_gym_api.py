@@ -45,9 +45,9 @@ def test_its_scripts_are_put_aside_and_stood_in_for(project: Path) -> None:
     changed = [name for name, data in before.items() if (project / name).read_bytes() != data]
     assert sorted(changed) == [*SCRIPTS, "project.godot"]
     for path, _ in ORIGINALS.values():
-        stand_in = (project / FOLDER / path).read_text()
-        assert stand_in.startswith(f'extends "res://{LEGACY_PATH}/{Path(path).name}"\n')
-        assert "class_name" not in stand_in
+        forwarding = (project / FOLDER / path).read_text()
+        assert forwarding.startswith(f'extends "res://{LEGACY_PATH}/{Path(path).name}"\n')
+        assert "class_name" not in forwarding
 
 
 def test_the_project_lists_our_classes_with_the_icons_of_theirs(project: Path) -> None:

@@ -192,7 +192,7 @@ def test_a_folder_that_cannot_be_written_is_reported(start: Start, tmp_path: Any
     ("request_", "text"),
     [
         ({"kind": "stop"}, "there is nothing to stop"),
-        ({"kind": "dance"}, 'request left out: {"kind": "dance"}'),
+        ({"kind": "dance"}, 'unknown request: {"kind": "dance"}'),
         ({"kind": "set_mode", "policy": "villain", "mode": "train"}, "villain"),
     ],
 )

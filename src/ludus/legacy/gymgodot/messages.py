@@ -31,9 +31,9 @@ __all__ = [
     "step_request",
 ]
 
-RESET_REQUEST = '{"cmd": "reset"}'
-RENDER_REQUEST = '{"cmd": "render"}'
-CLOSE_REQUEST = '{"cmd": "close"}'
+RESET_REQUEST = b'{"cmd": "reset"}'
+RENDER_REQUEST = b'{"cmd": "render"}'
+CLOSE_REQUEST = b'{"cmd": "close"}'
 
 _HINT = "is what connected a GymGodot project? Ludus's own add-on is driven by ludus.make"
 _NUM_SHOWN = 80
@@ -54,9 +54,9 @@ class StepAnswer:
     is_done: bool
 
 
-def step_request(action: Any) -> str:
+def step_request(action: Any) -> bytes:
     """Return the request for one step; ``action`` is a list of numbers."""
-    return json.dumps({"cmd": "step", "action": action}, allow_nan=False)
+    return json.dumps({"cmd": "step", "action": action}, allow_nan=False).encode()
 
 
 def read_step(message: bytes) -> StepAnswer:
@@ -99,7 +99,7 @@ def _object(message: bytes) -> dict[str, Any]:
         answer: Any = parse_godot_json(message)
     except ValueError as error:
         raise ProtocolError(
-            f"the game sent something that is no JSON ({error}): {_shown(message)}", _HINT
+            f"the game sent something that is not JSON ({error}): {_shown(message)}", _HINT
         ) from error
     if not isinstance(answer, dict):
         raise ProtocolError(f"the game must send a JSON object, not {_shown(answer)}", _HINT)

@@ -57,7 +57,7 @@ class GodotAi:
         }
 
     def answer(self, message: Mapping[str, Any]) -> Answer:
-        """Do what a message asks for; what is wrong with it stands in the answer's ``error``."""
+        """Do what a message asks for; what is wrong with it is in the answer's ``error``."""
         command = message.get("command")
         handler = self._handlers.get(command) if isinstance(command, str) else None
         if handler is None:

@@ -106,7 +106,7 @@ def as_numbers(value: Any, where: str) -> NDArray[np.float32]:
     """Return a flat list of finite numbers as ``float32[n]``.
 
     Raises:
-        ProtocolError: It is no list of numbers.
+        ProtocolError: It is not a list of numbers.
         GameError: One of them is NaN, infinite, or too large for 32 bits.
     """
     if not isinstance(value, list):

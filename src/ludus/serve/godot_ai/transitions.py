@@ -19,7 +19,7 @@ from ludus.serve.godot_ai.fields import Fields, as_finite, as_numbers, short
 __all__ = ["Submitted", "read_replays"]
 
 Row = tuple[int, dict[str, Any]]
-"""Place in the file, and what stands there."""
+"""Index in the file, and the row."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ def read_replays(file: Fields, agents: Mapping[str, Agent]) -> Submitted:
     """Return all replays of a file that are right.
 
     Raises:
-        ProtocolError: The file is no list of replays at all.
+        ProtocolError: The file is not a list of replays at all.
     """
     rows = file.items("replays")
     groups: dict[str, list[Row]] = {}

@@ -1,0 +1,42 @@
+"""What a user names to train, play, film or measure, and which command accepts it."""
+
+from ludus.target.acceptance import COMMANDS, REFUSALS, check_accepted
+from ludus.target.kinds import (
+    Address,
+    EngineTarget,
+    Example,
+    Executable,
+    Game,
+    Gymnasium,
+    Legacy,
+    Play,
+    PolicyFile,
+    Run,
+    Scene,
+    Target,
+    prepare,
+)
+from ludus.target.parsing import GYMNASIUM_PREFIX, LEGACY_PREFIXES, find_run, parse_target
+
+__all__ = [
+    "COMMANDS",
+    "GYMNASIUM_PREFIX",
+    "LEGACY_PREFIXES",
+    "REFUSALS",
+    "Address",
+    "EngineTarget",
+    "Example",
+    "Executable",
+    "Game",
+    "Gymnasium",
+    "Legacy",
+    "Play",
+    "PolicyFile",
+    "Run",
+    "Scene",
+    "Target",
+    "check_accepted",
+    "find_run",
+    "parse_target",
+    "prepare",
+]
