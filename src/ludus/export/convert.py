@@ -146,7 +146,7 @@ def _array(tensor: Tensor) -> NDArray[np.float32]:
 
 def _unknown(module: nn.Module) -> RunError:
     return RunError(
-        f"a network with {module} at this place cannot be exported",
+        f"cannot export a network with {module} at this place",
         "the format knows linear layers, convolutions, GRU cells and "
         f"{', '.join(ACTIVATIONS.values())}",
     )

@@ -1,4 +1,4 @@
-"""What a running run is asked to do: by the game, or by files in its folder ``control``.
+"""Requests to a running run: from the game, or as files in its folder ``control``.
 
 A request is a JSON object, the same in both ways (PROTOCOL.md §8)::
 
@@ -6,14 +6,14 @@ A request is a JSON object, the same in both ways (PROTOCOL.md §8)::
     {"kind": "save"}
     {"kind": "stop"}
 
-and of a game that guides its training, which ``ludus serve`` obeys::
+and, from a game that guides its training with ``ludus serve``::
 
     {"kind": "start"}
     {"kind": "play_round"}
     {"kind": "write_policies"}
 
-A file holds one request; it is written under another name and renamed, read in the order of names,
-and removed when it has been read.
+A file holds one request. It is written under another name and renamed; the trainer reads files in
+the order of their names and removes them.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def parse_request(values: Mapping[str, Any], policies: Iterable[str]) -> Request
     """Return what ``values`` ask for.
 
     Raises:
-        UsageError: That is nothing we know, or there is no such policy.
+        UsageError: The request is unknown, or there is no such policy.
     """
     known = list(policies)
     match values:
@@ -120,12 +120,12 @@ def parse_request(values: Mapping[str, Any], policies: Iterable[str]) -> Request
             pass
     text = json.dumps(values, default=str)[:200]
     raise UsageError(
-        f"request left out: {text}", f"policies: {', '.join(known)}; modes: {', '.join(MODES)}"
+        f"unknown request: {text}", f"policies: {', '.join(known)}; modes: {', '.join(MODES)}"
     )
 
 
 def read_request(values: Mapping[str, Any], policies: Iterable[str]) -> Request | None:
-    """Return what ``values`` ask for; None, with a warning, if that is nothing we know."""
+    """Return what ``values`` ask for; None, with a warning, if the request is unknown."""
     try:
         return parse_request(values, policies)
     except UsageError as error:
@@ -159,7 +159,7 @@ def take_requests(folder: Path) -> list[Mapping[str, Any]]:
         try:
             values: Any = json.loads(path.read_bytes()[:MAX_BYTES])
         except (OSError, ValueError) as error:
-            log.warning("request %s left out: %s", path, error)
+            log.warning("ignoring the request %s: %s", path, error)
             values = None
         if isinstance(values, dict):
             found.append(cast(dict[str, Any], values))

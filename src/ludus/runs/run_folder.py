@@ -1,4 +1,4 @@
-"""What a run leaves behind, and where.
+"""The folder of a run and the files in it.
 
 ::
 
@@ -33,7 +33,6 @@ from typing import TYPE_CHECKING, Any
 from ludus.disk import disk_errors, write_atomically
 from ludus.errors import CheckpointError, RunError
 from ludus.locks import LockHeld, file_lock
-from ludus.target import GYMNASIUM_PREFIX, find_run
 
 if TYPE_CHECKING:
     from ludus.runs.checkpoint import CheckpointStore
@@ -75,7 +74,7 @@ class RunFolder:
                     if config.name:
                         raise RunError(
                             f"the run {path} exists already",
-                            f"ludus train --resume {path} goes on with it",
+                            f"to continue it: ludus train --resume {path}",
                         ) from None
                 attempt += 1
                 path = config.runs / f"{stem}-{attempt}"
@@ -87,6 +86,8 @@ class RunFolder:
         Raises:
             CheckpointError: There is no run.
         """
+        from ludus.target import find_run  # slow, and a listing of runs does not need it
+
         run = find_run(path)
         if run is None:
             raise CheckpointError(
@@ -136,7 +137,7 @@ class RunFolder:
         except LockHeld:
             raise RunError(
                 f"the run {self.path} is being trained by another process",
-                f"ludus control {self.path} --stop ends that one",
+                f"to stop that one: ludus control {self.path} --stop",
             ) from None
 
     def is_running(self) -> bool:
@@ -190,13 +191,15 @@ class RunFolder:
             self.result.unlink(missing_ok=True)
 
     def discard_if_unused(self, but: Path | None = None) -> None:
-        """Remove the folder if nothing has been written into it, ``but`` in that folder of it."""
+        """Remove the folder if nothing has been written into it, except in its folder ``but``."""
         files = (path for path in self.path.rglob("*") if path.is_file() and path.name != LOCK)
         if all(but is not None and path.is_relative_to(but) for path in files):
             shutil.rmtree(self.path, ignore_errors=True)
 
 
 def _slug(target: str) -> str:
+    from ludus.target import GYMNASIUM_PREFIX
+
     if target.startswith(GYMNASIUM_PREFIX):
         stem = target.removeprefix(GYMNASIUM_PREFIX)
     else:
