@@ -133,7 +133,8 @@ def test_template_that_does_not_start_is_not_installed(templates: Path) -> None:
 
 def test_broken_records_are_ignored(templates: Path) -> None:
     good = install_template(ENGINE, installers=[FakeTemplateInstaller()])
-    for name, text in [("a", "{"), ("b", "[]"), ("c", '{"route": "debian"}')]:
+    number = '{"version_text": 4, "route": "debian", "executable": 5, "prefix": ""}'
+    for name, text in [("a", "{"), ("b", "[]"), ("c", '{"route": "debian"}'), ("d", number)]:
         (templates / name).mkdir()
         (templates / name / "template.json").write_text(text)
     assert find_template(ENGINE) == good

@@ -82,6 +82,9 @@ class _Record:
         """
         data: Any = json.loads((folder / cls.file_name).read_text(encoding="utf-8"))
         try:
+            for name in ("version_text", "route", "executable"):
+                if not isinstance(data[name], str):
+                    raise TypeError(name)
             return cls(**{field.name: data[field.name] for field in fields(cls)})
         except (KeyError, TypeError) as error:
             raise ValueError(f"a field is missing or has the wrong type: {error}") from error

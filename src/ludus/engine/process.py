@@ -61,11 +61,6 @@ class EngineProcess:
         return cls(config, group, OutputDrain(pipe, config.num_last_lines, config.log_path))
 
     @property
-    def config(self) -> LaunchConfig:
-        """What was started."""
-        return self._config
-
-    @property
     def pid(self) -> int:
         """Process id of the engine."""
         return self._group.pid
@@ -74,11 +69,6 @@ class EngineProcess:
     def is_alive(self) -> bool:
         """Whether the process still runs."""
         return self.poll() is None
-
-    @property
-    def exit_code(self) -> int | None:
-        """Exit code, negative for a signal; None while it runs."""
-        return self.poll()
 
     def poll(self) -> int | None:
         """Return the exit code, negative for a signal, or None while it runs."""

@@ -43,7 +43,7 @@ class Supervision:
         self._process.wait(_SETTLE_S)
         return EngineCrashed(
             f"{what}: {self._process.describe_death()}",
-            process_exit_code=self._process.exit_code,
+            process_exit_code=self._process.poll(),
         )
 
     def explain_silence(self, error: EngineTimeout) -> EngineTimeout:
