@@ -1,4 +1,4 @@
-"""Isolated and grid: do the copies play the same episodes, and how much faster is the grid?"""
+"""Do isolated worlds and the grid play the same episodes, and how much faster is the grid?"""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ LAYOUTS = {"isolated": "isolated", "grid": "in the grid"}
 SCRIPT_STEPS = 64
 NUM_SLICES = 8
 GRID_HINT = (
-    "use coordinates local to the scene's root (position, not global_position), and let "
-    "LudusWorld.spacing be larger than anything reaches"
+    "use coordinates local to the scene's root (position, not global_position), and make "
+    "LudusWorld.spacing larger than the reach of anything in the scene"
 )
 
 
 def check_layouts(context: CheckContext) -> list[Finding]:
-    """Play in both layouts, compare the episodes and the speed."""
+    """Play in both layouts and compare the episodes and the speed."""
     num = context.config.num_layout_worlds
     asks_for_grid = context.spec.layout == "grid"
     other = "isolated" if asks_for_grid else "grid"
@@ -58,14 +58,16 @@ def _verdict(comparison: Comparison, grid: Recording, *, asks_for_grid: bool) ->
         return ok(TITLE, detail, **comparison.to_json())
     if asks_for_grid:
         return fail(TITLE, detail, GRID_HINT, **comparison.to_json())
-    hint = f"stay isolated, or: {GRID_HINT}"
-    return info("the grid plays other episodes than isolated", detail, hint, **comparison.to_json())
+    hint = f"stay isolated; or {GRID_HINT}"
+    return info(
+        "the grid plays other episodes than isolated worlds", detail, hint, **comparison.to_json()
+    )
 
 
 def _speed(
     isolated: float, grid: float, num_worlds: int, comparison: Comparison, *, asks_for_grid: bool
 ) -> Finding:
-    title = f"the grid is {grid / isolated:.2g} times as fast as isolated"
+    title = f"the grid is {grid / isolated:.2g} times as fast as isolated worlds"
     detail = f"{grid:,.0f} and {isolated:,.0f} agent-steps/s with {num_worlds} worlds in one engine"
     hint = ""
     if not asks_for_grid and grid > 1.2 * isolated and comparison.verdict is not Verdict.DIFFERENT:
@@ -84,7 +86,7 @@ def _speed(
 def _agent_steps_per_s(
     pools: tuple[EnginePool, EnginePool], context: CheckContext
 ) -> tuple[float, float]:
-    """Time random play in turn, so that what else the machine does hits both; the best counts."""
+    """Time random play in turn, so that other load on the machine hits both; the best counts."""
     players = [_TimedPlay(pool, context.config.seed) for pool in pools]
     slice_s = context.config.timing_s / NUM_SLICES
     slices = [[player.agent_steps_per_s(slice_s) for player in players] for _ in range(NUM_SLICES)]
@@ -93,7 +95,7 @@ def _agent_steps_per_s(
 
 
 class _TimedPlay:
-    """Random play with actions drawn beforehand, where masks do not depend on the game."""
+    """Random play whose actions are drawn in advance, unless masks depend on the game."""
 
     def __init__(self, pool: EnginePool, seed: int) -> None:
         spec = pool.spec
@@ -102,11 +104,10 @@ class _TimedPlay:
         self._batches = pool.reset(seed)
         self._num_agents = sum(policy.num_agents for policy in spec.policies)
         is_masked = any(policy.has_action_mask for policy in spec.policies)
-        num_drawn = 0 if is_masked else SCRIPT_STEPS
-        self._drawn = [self._act(self._batches) for _ in range(num_drawn)]
+        self._drawn = [] if is_masked else [self._act(self._batches) for _ in range(SCRIPT_STEPS)]
 
     def agent_steps_per_s(self, seconds: float) -> float:
-        """Play for some seconds, at least one step."""
+        """Play for some seconds, at least one step, and return the speed."""
         num_steps, began, elapsed = 0, time.perf_counter(), 0.0
         while elapsed < seconds or not num_steps:
             step = num_steps % SCRIPT_STEPS

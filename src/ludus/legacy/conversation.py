@@ -224,5 +224,5 @@ class Conversation(Generic[Message]):
 
 
 def _shown(request: bytes) -> str:
-    text = request[:_NUM_SHOWN].decode(errors="replace")
-    return text if len(request) <= _NUM_SHOWN else f"{text}…"
+    text = request.split(b"\r\n", 1)[0].decode(errors="replace")
+    return text if len(text) <= _NUM_SHOWN else f"{text[:_NUM_SHOWN]}…"

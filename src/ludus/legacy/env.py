@@ -13,11 +13,10 @@ __all__ = ["LegacyEnv"]
 
 
 class LegacyEnv(gymnasium.Env[Any, Any]):
-    """Has the spaces that the user has declared, to the letter, and begins no episode by itself.
+    """Has exactly the spaces that the user has declared, and begins no episode by itself.
 
-    That is why it stands on the game and not on a session, as ``ludus.make`` does: sessions have
-    spaces of their own, and begin the next episode in the step that ends one, before a last frame
-    can be saved.
+    So it wraps the game and not a session, as ``ludus.make`` does: a session has spaces of its
+    own, and begins the next episode in the step that ends one, before a last frame can be saved.
 
     Args:
         game: Closed with the environment.

@@ -23,7 +23,7 @@ class Declaration:
         observation_space: What one agent observes: a box, or a dictionary of boxes.
         action_space: What one agent does: discrete, multi-discrete, multi-binary, a bounded box.
         num_agents: Agents of the game, which all have these spaces. Their episodes begin together:
-            whoever ends first waits until all have ended.
+            an agent that ends early waits until all have ended.
         steps_per_second: Steps in one second of game time.
     """
 
@@ -80,7 +80,7 @@ class LegacyGame(ABC):
                 nothing.
 
         Raises:
-            UsageError: The wire knows no such parameters.
+            UsageError: The wire has no such parameters.
             GameError: An observation does not fit its space.
             EngineError: The game failed.
         """

@@ -72,7 +72,7 @@ def to_observation(space: spaces.Space[Any], value: Any, name: str) -> Any:
         name: What it is called on the wire, for errors.
 
     Raises:
-        GameError: It has another shape, or holds something that is no finite number.
+        GameError: It has another shape, or holds something that is not a finite number.
     """
     if not isinstance(space, spaces.Discrete):
         return _numbers(space, value, lambda what: _game_error(name, what))
@@ -99,7 +99,7 @@ def _checked(
     except ValueError as reason:
         raise error("lists of different lengths") from reason
     if array.dtype.kind not in "biuf":
-        raise error(f"something that is no number: {_first_other(value)}")
+        raise error(f"something that is not a number: {_first_other(value)}")
     if array.shape != shape:
         raise error(f"shape {list(array.shape)} instead of {list(shape)}")
     with np.errstate(over="ignore"):
@@ -110,12 +110,12 @@ def _checked(
     if dtype.kind in "iu":
         limits = np.iinfo(dtype)
         if ((array < limits.min) | (array > limits.max)).any():
-            raise error(f"a number that is no {dtype}")
+            raise error(f"a number that is not {dtype}")
     return cast_array.astype(dtype, copy=False)
 
 
 def _first_other(value: Any) -> str:
-    """Return the first thing in nested lists that is no number, for an error message."""
+    """Return the first thing in nested lists that is not a number, for an error message."""
     if not isinstance(value, list):
         return repr(value)[:40]
     for item in cast(list[Any], value):

@@ -78,10 +78,8 @@ def play_episodes(config: PlayConfig, player: MakePlayer, on_episode: OnEpisode)
     check_accepted("play", target)
     launch = LaunchOptions(is_windowed=not config.is_headless, is_real_time=not config.is_headless)
     settings = PoolConfig(
-        scene=config.scene,
         ticks_per_step=config.ticks_per_step,
         max_episode_steps=config.max_episode_steps,
-        godot=config.godot,
         is_pinned=config.is_headless,
         launch=launch,
     )

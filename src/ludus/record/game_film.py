@@ -64,8 +64,7 @@ def film_played(scene: Scene, config: PoolConfig, player: MakePlayer, shot: Shot
     engine = _engine_of(scene)
     with _camera(shot) as camera, _hint_at_renderer(engine):
         launch = LaunchOptions(is_windowed=True, engine_args=_engine_args(engine, shot))
-        # The scene names the engine that runs it, so the settings need not.
-        settings = replace(config, godot=None, is_pinned=False, launch=launch)
+        settings = replace(config, is_pinned=False, launch=launch)
         with open_pool(scene, settings) as pool:
             camera.connect(CONNECT_S, lambda: None)
             counter = EpisodeCounter(pool.policies, shot.num_episodes)

@@ -117,14 +117,13 @@ def record(config: RecordConfig) -> Recorded:
     check_out(config.out)
     target = parse_target(with_view(config.target), scene=config.scene, godot=config.godot)
     check_accepted("record", target)
-    game = prepare(target)
-    match game:
-        case Gymnasium():
-            return _record_gymnasium(config, game)
-        case Executable():
+    match prepare(target):
+        case Gymnasium() as environment:
+            return _record_gymnasium(config, environment)
+        case Executable() as game:
             return _record_pictures(config, game)
-        case Scene():
-            return _record_game(config, game)
+        case Scene() as scene:
+            return _record_game(config, scene)
         case _:
             raise AssertionError("check_accepted refuses it")
 

@@ -33,7 +33,6 @@ from typing import TYPE_CHECKING, Any
 from ludus.disk import disk_errors, write_atomically
 from ludus.errors import CheckpointError, RunError
 from ludus.locks import LockHeld, file_lock
-from ludus.target import GYMNASIUM_PREFIX, find_run
 
 if TYPE_CHECKING:
     from ludus.runs.checkpoint import CheckpointStore
@@ -87,6 +86,8 @@ class RunFolder:
         Raises:
             CheckpointError: There is no run.
         """
+        from ludus.target import find_run  # slow, and a listing of runs does not need it
+
         run = find_run(path)
         if run is None:
             raise CheckpointError(
@@ -197,6 +198,8 @@ class RunFolder:
 
 
 def _slug(target: str) -> str:
+    from ludus.target import GYMNASIUM_PREFIX
+
     if target.startswith(GYMNASIUM_PREFIX):
         stem = target.removeprefix(GYMNASIUM_PREFIX)
     else:

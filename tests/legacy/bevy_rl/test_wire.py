@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
+import time
 from collections.abc import Generator
 from contextlib import contextmanager
 
@@ -106,7 +107,7 @@ def test_only_documented_errors_come_of_anything_else(answer: bytes, is_begun: b
         b"x" * 100_000,
     ],
 )
-def test_what_is_no_such_http_is_refused(answer: bytes) -> None:
+def test_other_http_is_refused(answer: bytes) -> None:
     with (
         _server(answer, stays=True) as server,
         pytest.raises(ProtocolError, match="not an HTTP"),
@@ -147,3 +148,29 @@ def test_agents_of_another_form_are_refused(body: bytes) -> None:
         client = Client(server, with_pixels=False)
         with pytest.raises(ProtocolError, match="expected a list"):
             client.reset()
+
+
+@pytest.mark.parametrize("head", [b"", b"connection: close\r\n"], ids=["silently", "announced"])
+def test_connection_closed_between_requests_is_reopened(head: bytes) -> None:
+    answer = b"HTTP/1.1 200 OK\r\n" + head + b"content-length: 2\r\n\r\n{}"
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        listener.settimeout(_DEADLINE_S)
+
+        def serve() -> None:
+            for _ in range(2):
+                accepted, _address = listener.accept()
+                with accepted:
+                    accepted.settimeout(_DEADLINE_S)
+                    accepted.recv(65536)
+                    accepted.sendall(answer)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        conversation = HttpConversation(listener.getsockname(), _DEADLINE_S, _DEADLINE_S)
+        assert _ask(conversation) == Response(200, "", b"{}")
+        while not head and not conversation.is_stale:
+            time.sleep(0.01)
+        assert _ask(conversation) == Response(200, "", b"{}")
+        conversation.close()
+        thread.join(_DEADLINE_S)
+        assert not thread.is_alive()

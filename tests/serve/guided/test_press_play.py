@@ -183,7 +183,7 @@ def test_without_a_python_the_game_says_so_and_goes_on(
 
 
 @pytest.mark.alone
-def test_time_passes_faster_than_in_the_world(desk: Desk) -> None:
+def test_training_runs_faster_than_real_time(desk: Desk) -> None:
     desk.press_play()
     # 2 agents in each of 8 worlds, one decision a tick, 60 ticks a second of the game's own time:
     # no more could pass, and while the trainer learns there are none.

@@ -42,7 +42,7 @@ class Client:
         with_pixels: Ask for pictures with every state.
 
     Raises:
-        EngineError: What listens there is no such program, or it fails.
+        EngineError: What listens there is not such a program, or it fails.
     """
 
     def __init__(self, conversation: HttpConversation, *, with_pixels: bool) -> None:

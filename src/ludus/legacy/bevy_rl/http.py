@@ -73,7 +73,7 @@ class HttpFraming:
         return b""
 
     def take(self) -> Response | None:
-        """Return the next whole answer; raises ``ProtocolError`` if it is no such HTTP."""
+        """Return the next whole answer; raises ``ProtocolError`` if it is not such HTTP."""
         if self._head is None and not self._read_head():
             return None
         head, end = self._head, self._end
@@ -138,9 +138,15 @@ class HttpConversation(Conversation[Response]):
             return line + b"\r\n"
         return line + f"content-length: {len(body)}\r\n\r\n".encode() + body
 
+    @property
+    def is_stale(self) -> bool:
+        """Whether the next request needs a new connection."""
+        is_in_use = self._stream is not None and self._stream.is_readable()
+        return is_in_use or self._http.is_over or self._http.has_pending
+
     def _prepare(self, stream: ByteStream) -> ByteStream:
         """Return the stream, or a new one unless this one is open with nothing under way."""
-        if not (self._http.is_over or self._http.has_pending or stream.is_readable()):
+        if not self.is_stale:
             return stream
         stream.close()
         try:

@@ -67,7 +67,7 @@ def open_game(address: GameAddress, settings: Settings) -> BevyRlGame:
 
     Raises:
         ConfigError: A setting cannot be used.
-        TargetError: The target is no address.
+        TargetError: The target is not an address.
         SetupError: A package is missing.
         EngineError: Nobody listens there, or it is something else.
     """

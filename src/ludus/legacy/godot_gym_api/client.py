@@ -84,7 +84,7 @@ class GodotClient:
             protobuf message or :class:`~ludus.legacy.godot_gym_api.Data`.
 
         Raises:
-            ActionError: The request is no JSON.
+            ActionError: The request is not JSON.
             SequenceError: The game is closed.
             EngineError: The game failed.
         """

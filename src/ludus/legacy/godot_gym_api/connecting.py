@@ -163,7 +163,7 @@ def check_port_is_free(address: tuple[str, int]) -> None:
 
     Raises:
         EngineStartError: Somebody listens there.
-        ConfigError: That is no port.
+        ConfigError: It is not a port.
     """
     host, port = address
     if not 1 <= port <= _MAX_PORT:

@@ -31,7 +31,7 @@ class Frames:
     """Knows which file comes next, since the game counts from 0 after every reset.
 
     Args:
-        render_path: What stands before the number. None: a temporary folder if frames are read
+        render_path: What comes before the number. None: a temporary folder if frames are read
             here, ``./render_frames/`` as the game sees it otherwise.
         are_read: Whether frames are read here.
 
@@ -65,7 +65,7 @@ class Frames:
             ``uint8[height, width, 3]``.
 
         Raises:
-            GameError: There is no such file, or it is no picture.
+            GameError: There is no such file, or it is not a picture.
         """
         try:
             with Image.open(file, formats=["PNG"]) as image:

@@ -162,7 +162,7 @@ def _open(
     if not settings.allow_remote and host != "localhost" and not host.startswith("127."):
         raise ConfigError(
             f"serverIP {host!r} lets other machines connect",
-            hint="GymGodot knows no password; allow_remote=True if you trust the network",
+            hint="GymGodot has no password; allow_remote=True if you trust the network",
         )
     from ludus.legacy.gymgodot.connecting import DEFAULT_RENDER_PATH, Address, open_conversation
     from ludus.legacy.gymgodot.game import GymGodotGame

@@ -1,4 +1,4 @@
-"""However a game or the server ends: the last checkpoint is whole, and the next game is served."""
+"""However a game or server ends, the last checkpoint is complete and the next game is served."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def other_spec() -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("when", ["training", "standby", "playing"])
-def test_a_game_that_goes_and_comes_back(server: Running, when: str) -> None:
+def test_a_game_that_reconnects_resumes_its_run(server: Running, when: str) -> None:
     game = server.training()
     if when != "training":
         game.ask("stop")
@@ -52,7 +52,7 @@ def test_a_game_that_goes_and_comes_back(server: Running, when: str) -> None:
     assert run.state == "running"
 
 
-def test_a_game_that_dies_in_the_middle_of_an_answer(server: Running) -> None:
+def test_a_game_that_dies_within_an_answer_can_resume(server: Running) -> None:
     game = server.training()
     game.fault = b"\x00\x01"
     time.sleep(0.3)
@@ -74,7 +74,7 @@ def test_a_game_that_dies_in_the_middle_of_an_answer(server: Running) -> None:
         (b"GET / HTTP/1.1\r\n\r\n" * 10, "frame", "unknown type 47"),
     ],
 )
-def test_a_game_that_makes_a_mistake(
+def test_a_wrong_answer_is_reported_and_training_saved(
     server: Running, change: Any, code: str, text: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     game = server.training()
@@ -88,7 +88,7 @@ def test_a_game_that_makes_a_mistake(
     assert any(record.levelno == logging.ERROR for record in caplog.records)
 
 
-def test_a_loss_that_becomes_nan(server: Running) -> None:
+def test_a_diverged_loss_is_reported_and_recorded(server: Running) -> None:
     game = server.training(spec=small_spec(scale_reward=False))
     game.fault = HUGE
     game.await_the_end()
@@ -102,13 +102,15 @@ def test_a_loss_that_becomes_nan(server: Running) -> None:
 
 
 @pytest.mark.parametrize("other", [other_spec(), small_spec(hidden_sizes=[9])])
-def test_a_run_that_does_not_fit_is_put_aside(server: Running, other: dict[str, Any]) -> None:
+def test_a_run_of_other_policies_is_kept_under_another_name(
+    server: Running, other: dict[str, Any]
+) -> None:
     server.training().hang_up()
     for number, spec in enumerate((other, small_spec()), 1):
         game = server.game(spec=spec)
         new = game.await_state("standby")
         assert new["agent_steps"] == 0
-        assert f"the one that was there is kept as run.old-{number}: " in new["message"]
+        assert f"the previous one is kept as run.old-{number}: " in new["message"]
         game.ask("start")
         game.await_updates(2)
         game.hang_up()
@@ -120,7 +122,7 @@ def test_a_run_that_does_not_fit_is_put_aside(server: Running, other: dict[str, 
         assert store.newest()[1].run["updates"] >= 2
 
 
-def test_a_run_of_another_algorithm_is_put_aside(server: Running) -> None:
+def test_a_run_of_another_algorithm_is_kept_under_another_name(server: Running) -> None:
     server.training().hang_up()
     spec = small_spec()
     spec["policies"][0]["action"] = [
@@ -131,7 +133,7 @@ def test_a_run_of_another_algorithm_is_put_aside(server: Running) -> None:
     assert "kept as run.old-1" in game.await_state("standby")["message"]
 
 
-def test_the_newest_whole_checkpoint_is_taken(server: Running) -> None:
+def test_the_newest_loadable_checkpoint_is_resumed(server: Running) -> None:
     server.training().hang_up()
     folder = await_result(server.folder())
     before, newest = folder.checkpoints().paths()[-2:]
@@ -142,7 +144,7 @@ def test_the_newest_whole_checkpoint_is_taken(server: Running) -> None:
     assert back["agent_steps"] == int(before.name.removeprefix("step-"))
 
 
-def test_a_run_without_a_whole_checkpoint_is_put_aside(server: Running) -> None:
+def test_a_run_without_a_loadable_checkpoint_is_kept_under_another_name(server: Running) -> None:
     server.training().hang_up()
     for path in await_result(server.folder()).checkpoints().paths():
         (path / "state.json").write_text("{")
@@ -152,7 +154,7 @@ def test_a_run_without_a_whole_checkpoint_is_put_aside(server: Running) -> None:
     assert (server.config.runs / "run.old-1/checkpoints").is_dir()
 
 
-def test_a_run_that_another_process_trains(server: Running, tmp_path: Path) -> None:
+def test_a_run_that_another_process_trains_is_refused(server: Running, tmp_path: Path) -> None:
     server.training().hang_up()
     with await_result(server.folder()).locked():
         game = server.game()
@@ -162,17 +164,17 @@ def test_a_run_that_another_process_trains(server: Running, tmp_path: Path) -> N
     server.game().await_state("standby")
 
 
-def test_a_folder_that_is_no_run(server: Running) -> None:
+def test_a_folder_that_is_not_a_run_is_left_unchanged(server: Running) -> None:
     (server.config.runs / "run").mkdir()
     (server.config.runs / "run/thesis.txt").write_text("two years of work")
     game = server.game()
     game.await_the_end()
-    assert "is no run" in game.report["message"]
+    assert "is not a run" in game.report["message"]
     assert (server.config.runs / "run/thesis.txt").read_text() == "two years of work"
     server.game("other").await_state("standby")
 
 
-def test_settings_that_do_not_fit(server: Running) -> None:
+def test_an_unknown_setting_is_reported(server: Running) -> None:
     game = server.game(spec=small_spec(learning_rat=1))
     game.await_the_end()
     assert game.report["code"] == "config"
@@ -180,14 +182,14 @@ def test_settings_that_do_not_fit(server: Running) -> None:
     assert not server.folder().path.exists()
 
 
-def test_a_spec_that_is_wrong(server: Running) -> None:
+def test_a_wrong_spec_is_reported(server: Running) -> None:
     game = server.game(spec={**small_spec(), "num_worlds": 0})
     game.await_the_end()
     assert game.report["code"] == "frame"
     assert "spec.num_worlds" in game.report["message"]
 
 
-def test_a_run_folder_that_goes_away(server: Running) -> None:
+def test_a_failing_disk_is_reported_and_the_next_game_served(server: Running) -> None:
     """The disk fails while a game trains: it is told, and the next one is served."""
     game = server.training()
     shutil.rmtree(server.folder().path)
@@ -200,7 +202,7 @@ def test_a_run_folder_that_goes_away(server: Running) -> None:
 
 
 @pytest.mark.parametrize("is_training", [True, False])
-def test_the_server_is_told_to_stop(server: Running, is_training: bool) -> None:
+def test_stopping_the_server_saves_and_closes(server: Running, is_training: bool) -> None:
     game = server.game()
     if is_training:
         game.ask("start")
@@ -219,7 +221,7 @@ def test_the_server_is_told_to_stop(server: Running, is_training: bool) -> None:
 # --- once ---------------------------------------------------------------------------------------
 
 
-def test_once_ends_with_the_game(start: Start) -> None:
+def test_once_ends_when_the_game_disconnects(start: Start) -> None:
     server = start(is_once=True)
     server.training().hang_up()
     server.wait()
@@ -227,7 +229,7 @@ def test_once_ends_with_the_game(start: Start) -> None:
     assert server.newest().run["updates"] >= 2
 
 
-def test_once_waits_for_a_real_game(start: Start) -> None:
+def test_once_keeps_waiting_after_a_rejected_client(start: Start) -> None:
     server = start(is_once=True)
     game = server.game(hello={"protocol": {"min": 9, "max": 9}}, run=None)
     game.await_the_end()
@@ -237,7 +239,7 @@ def test_once_waits_for_a_real_game(start: Start) -> None:
     assert isinstance(error, EngineStartError)
 
 
-def test_once_and_nobody_comes(start: Start) -> None:
+def test_once_fails_if_no_game_connects(start: Start) -> None:
     began = time.monotonic()
     server = start(is_once=True, first_game_timeout_s=0.5)
     server.wait()
@@ -248,7 +250,7 @@ def test_once_and_nobody_comes(start: Start) -> None:
 
 
 @pytest.mark.parametrize("kind", [GameError, DivergenceError])
-def test_once_passes_a_mistake_on(start: Start, kind: type[LudusError]) -> None:
+def test_once_raises_the_error_of_the_game(start: Start, kind: type[LudusError]) -> None:
     server = start(is_once=True)
     game = server.training(spec=small_spec(scale_reward=False))
     game.fault = {"reward": [math.nan] * 3} if kind is GameError else HUGE
@@ -257,7 +259,7 @@ def test_once_passes_a_mistake_on(start: Start, kind: type[LudusError]) -> None:
     assert type(error) is kind
 
 
-def test_a_second_server_at_the_port(server: Running, start: Start) -> None:
+def test_a_second_server_on_the_port_is_an_error(server: Running, start: Start) -> None:
     second = start(port=server.port)
     second.wait()
     error, second.error = second.error, None
