@@ -29,7 +29,7 @@ class LudusVectorEnv(VectorEnv[Any, Any, Any]):
     episode begins in the same step in which the old one ends (``AutoresetMode.SAME_STEP``): the
     step returns the reward and ``terminated``/``truncated`` of the old episode with the first
     observation of the new one; the last observation of the old one is in ``infos["final_obs"]``
-    (an object array, with ``infos["_final_obs"]`` saying where). In worlds whose agents come and go,
+    (an object array, with ``infos["_final_obs"]`` saying where). Where agents come and go,
     ``infos["active"]`` says which environments act; the others observe zeros. With action masks,
     ``infos["action_mask"]`` is ``bool[num_envs, sum(nvec)]``.
 
