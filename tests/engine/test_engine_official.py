@@ -107,7 +107,7 @@ def test_bad_download_installs_nothing(fault: str, server: Server, bare_machine:
         server.body = body.replace(b"echo", b"evil")
     with pytest.raises(SetupError) as caught:
         install_engine(EngineKind.GODOT4, installers=[installer])
-    expected = {"truncated": "broke off", "altered": "SHA-512", "not a zip": "sound zip"}
+    expected = {"truncated": "broke off", "altered": "SHA-512", "not a zip": "valid zip"}
     assert expected[fault] in caught.value.message
 
 
@@ -132,14 +132,14 @@ def test_unknown_platform_is_a_reason_to_go_on(
 def test_archive_cannot_leave_its_folder(name: str, tmp_path: Path) -> None:
     archive, folder = tmp_path / "a.zip", tmp_path / "inside"
     archive.write_bytes(make_zip(name))
-    with pytest.raises(SetupError, match="leaves its folder"):
+    with pytest.raises(SetupError, match="outside its folder"):
         unpack_zip(archive, folder)
     assert not (tmp_path / "evil").exists()
 
 
 def test_links_in_archives_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.zip").write_bytes(make_zip(mode=stat.S_IFLNK | 0o777))
-    with pytest.raises(SetupError, match="leaves its folder"):
+    with pytest.raises(SetupError, match="outside its folder"):
         unpack_zip(tmp_path / "a.zip", tmp_path / "inside")
 
 

@@ -35,11 +35,19 @@ from ludus.engine.launch import (
     godot_command,
 )
 from ludus.engine.process import EngineProcess
-from ludus.engine.project import Project, find_project, read_project, scene_path
+from ludus.engine.project import (
+    RUN_SCENE,
+    Project,
+    find_project,
+    read_project,
+    require_addon,
+    scene_path,
+)
 from ludus.engine.screen import find_xvfb, has_screen, with_display
 from ludus.engine.template import ExportTemplate, find_template, matching_template
 
 __all__ = [
+    "RUN_SCENE",
     "CorePlan",
     "EngineKind",
     "EngineProcess",
@@ -72,6 +80,7 @@ __all__ = [
     "pinned_to",
     "plan_cores",
     "read_project",
+    "require_addon",
     "reserve_cores",
     "scene_path",
     "search_engines",

@@ -53,7 +53,7 @@ class OutputDrain:
     Args:
         pipe: Read end; the drain closes it.
         num_last_lines: How many lines to keep.
-        log_path: File that gets a copy; a full disk ends the copy, not the draining.
+        log_path: File that gets a copy; a full disk ends the copy, not the reading.
     """
 
     def __init__(self, pipe: IO[bytes], num_last_lines: int, log_path: Path | None) -> None:
@@ -75,9 +75,9 @@ class OutputDrain:
         return lines if count is None else lines[max(0, len(lines) - count) :]
 
     def script_errors(self) -> list[str]:
-        """Return what the game's scripts did wrong, as the engine printed it; cheap if nothing.
+        """Return the errors of the game's scripts, as the engine printed them; cheap if none.
 
-        What was printed again and again, as by every agent in every tick, stands there once.
+        An error that was printed many times, as by every agent in every tick, is listed once.
         """
         if not self._has_script_error:
             return []
@@ -99,7 +99,11 @@ class OutputDrain:
             while chunk := self._read():
                 self._copy_to_log(chunk)
                 with self._lock:
-                    self._add(chunk)
+                    text = self._partial + chunk
+                    *finished, rest = text.split(b"\n")
+                    self._has_script_error |= b"SCRIPT ERROR" in text
+                    self._lines.extend(_decode(line) for line in finished)
+                    self._partial = rest[-MAX_LINE_BYTES:]
         self._close_log()
 
     def _read(self) -> bytes:
@@ -108,19 +112,13 @@ class OutputDrain:
         except (OSError, ValueError):
             return b""
 
-    def _add(self, chunk: bytes) -> None:
-        *finished, rest = (self._partial + chunk).split(b"\n")
-        self._has_script_error |= b"SCRIPT ERROR" in self._partial + chunk
-        self._lines.extend(_decode(line) for line in finished)
-        self._partial = rest[-MAX_LINE_BYTES:]
-
     def _copy_to_log(self, chunk: bytes) -> None:
         if self._log_file is None:
             return
         try:
             self._log_file.write(chunk)
         except OSError as error:
-            _log.warning("the engine's log is cut off here: %s", error)
+            _log.warning("the rest of the engine's log is lost: %s", error)
             self._close_log()
 
     def _close_log(self) -> None:

@@ -66,7 +66,7 @@ def find_template(engine: InstalledEngine) -> ExportTemplate:
     template = matching_template(engine)
     if template is not None:
         return template
-    others = [f"{other.version_text} ({other.source})" for other in cached_templates(engine.kind)]
+    others = [f"{other.version_text} ({other.source})" for other in cached_templates()]
     raise SetupError(
         f"there is no export template for {engine.path}, which is {engine.version_text}; "
         f"there are templates of: {', '.join(others) or 'no release'}",
@@ -77,14 +77,14 @@ def find_template(engine: InstalledEngine) -> ExportTemplate:
 
 def matching_template(engine: InstalledEngine) -> ExportTemplate | None:
     """Return the template to export with, or None; one whose games run anywhere goes first."""
-    found = [template for template in cached_templates(engine.kind) if template.fits(engine)]
+    found = [template for template in cached_templates() if template.fits(engine)]
     found += _godots_own(engine)
     return min(found, key=lambda template: template.prefix is not None, default=None)
 
 
-def cached_templates(kind: EngineKind) -> list[ExportTemplate]:
+def cached_templates() -> list[ExportTemplate]:
     """List the complete installations in the user cache."""
-    found = TemplateRecord.read_all(f"templates/{kind}")
+    found = TemplateRecord.read_all(f"templates/{EngineKind.GODOT4}")
     return [ExportTemplate.from_cache(folder, record) for folder, record in found]
 
 

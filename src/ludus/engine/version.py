@@ -41,15 +41,15 @@ def release_name(version_text: str) -> str:
 
 
 def show_version(version: Version) -> str:
-    """Write a version the way people do: ``4.6.3``."""
+    """Write a version as ``4.6.3``."""
     return ".".join(str(part) for part in version)
 
 
 def ask_version(path: Path) -> tuple[Version, str] | None:
-    """Run ``path --version``; remember the answer while the file does not change.
+    """Run ``path --version``; the answer is cached until the file changes.
 
     Returns:
-        The numbers and the version text; None if the file did not answer like a Godot.
+        The numbers and the version text; None if the file did not answer as Godot does.
     """
     try:
         changed_ns = path.stat().st_mtime_ns

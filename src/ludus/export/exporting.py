@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ludus.disk import disk_errors, write_atomically
 from ludus.engine import EngineKind, InstalledEngine, find_engine
-from ludus.engine.bevy_game import is_bevy_game
+from ludus.engine.exported import is_bevy_game
 from ludus.errors import EngineNotFound, SetupError, TargetError
 from ludus.export.convert import to_model
 from ludus.export.engines import BevyGame

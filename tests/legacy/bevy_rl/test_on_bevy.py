@@ -226,7 +226,7 @@ def test_a_program_that_comes_late_is_waited_for(start: Start) -> None:
     assert reset(session).active.all()
 
 
-def test_a_connection_that_was_closed_between_requests_is_made_anew(start: Start) -> None:
+def test_connection_closed_between_requests_is_reopened(start: Start) -> None:
     first = start()
     session = first.open()
     reset(session)
@@ -257,7 +257,7 @@ def test_a_space_that_does_not_fit_is_reported(start: Start) -> None:
         reset(session)
 
 
-def test_what_cannot_be_is_refused(start: Start) -> None:
+def test_unusable_settings_are_refused(start: Start) -> None:
     program = start()
     spaces_of_cart: dict[str, Any] = {
         "action_space": spaces.Discrete(2),

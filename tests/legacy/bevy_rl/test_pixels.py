@@ -204,7 +204,7 @@ def test_a_space_of_another_size_is_refused(start: Start) -> None:
         reset(session)
 
 
-def test_gymnasium_finds_nothing_wrong(start: Start) -> None:
+def test_gymnasium_checker_passes(start: Start) -> None:
     # It warns of smaller ones.
     program = start(1, 48, 36)
     make = partial(

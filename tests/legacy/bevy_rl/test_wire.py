@@ -107,7 +107,7 @@ def test_only_documented_errors_come_of_anything_else(answer: bytes, is_begun: b
         b"x" * 100_000,
     ],
 )
-def test_what_is_no_such_http_is_refused(answer: bytes) -> None:
+def test_other_http_is_refused(answer: bytes) -> None:
     with (
         _server(answer, stays=True) as server,
         pytest.raises(ProtocolError, match="not an HTTP"),
@@ -151,7 +151,7 @@ def test_agents_of_another_form_are_refused(body: bytes) -> None:
 
 
 @pytest.mark.parametrize("head", [b"", b"connection: close\r\n"], ids=["silently", "announced"])
-def test_connection_that_was_closed_between_requests_is_opened_again(head: bytes) -> None:
+def test_connection_closed_between_requests_is_reopened(head: bytes) -> None:
     answer = b"HTTP/1.1 200 OK\r\n" + head + b"content-length: 2\r\n\r\n{}"
     with socket.create_server(("127.0.0.1", 0)) as listener:
         listener.settimeout(_DEADLINE_S)

@@ -75,7 +75,7 @@ def test_strangers_are_told_and_dropped(start: Start, data: bytes) -> None:
     assert game.init() == DONE
 
 
-def test_half_a_message_for_ever(start: Start, caplog: pytest.LogCaptureFixture) -> None:
+def test_half_a_message_times_out(start: Start, caplog: pytest.LogCaptureFixture) -> None:
     running = start(message_timeout_s=1.0)
     idle, slow = running.client(), running.client()
     slow.send(b'{"command": ')
@@ -89,7 +89,7 @@ def test_half_a_message_for_ever(start: Start, caplog: pytest.LogCaptureFixture)
     assert idle.init() == DONE, "silence between messages is no fault"
 
 
-def test_an_endless_message(start: Start) -> None:
+def test_endless_message_is_refused(start: Start) -> None:
     client = start().client()
     piece = b'{"command": "' + b"x" * 300_000
     client.send(piece)
@@ -218,7 +218,7 @@ def test_stopping_ends_connections_and_training_and_saves(start: Start) -> None:
     assert 1 < saved_steps(running.project) < 10**6
 
 
-def test_a_folder_that_is_no_game(
+def test_folder_without_a_game_is_reported(
     start: Start, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     with pytest.raises(TargetError, match="there is no folder"):

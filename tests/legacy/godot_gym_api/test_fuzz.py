@@ -34,7 +34,7 @@ MODULES = st.sampled_from([None, WALK])
 
 @settings(max_examples=400, deadline=None)
 @given(payload=PAYLOADS, module=MODULES)
-def test_any_answer(payload: bytes, module: Any) -> None:
+def test_any_answer_raises_documented_errors_only(payload: bytes, module: Any) -> None:
     try:
         state = decode_answer(payload, module)
     except ProtocolError as error:
@@ -68,7 +68,7 @@ def test_json_answers_are_read(data: bytes, fields: dict[str, float]) -> None:
 
 @settings(max_examples=200, deadline=None)
 @given(request=st.dictionaries(st.text(max_size=8), JUNK, max_size=3))
-def test_any_request(request: dict[str, Any]) -> None:
+def test_any_request_is_json_or_refused(request: dict[str, Any]) -> None:
     try:
         payload = encode_request(request)
     except ActionError:
@@ -85,7 +85,7 @@ def take_all(framing: LengthFraming) -> list[bytes]:
 
 @settings(max_examples=200, deadline=None)
 @given(data=st.binary(max_size=300))
-def test_any_bytes(data: bytes) -> None:
+def test_any_bytes_are_cut_within_the_limit(data: bytes) -> None:
     framing = LengthFraming(100)
     framing.feed(data)
     try:

@@ -158,7 +158,7 @@ def test_what_is_no_request(game: Game, data: bytes, said: str) -> None:
 
 @settings(max_examples=120, deadline=None)
 @given(payload=PAYLOADS)
-def test_any_request(game: Game, payload: bytes) -> None:
+def test_any_request_is_json_or_refused(game: Game, payload: bytes) -> None:
     """It is answered, or ignored, or ends the connection."""
     with game.connect() as connection, contextlib.suppress(ConnectionError):
         connection.sendall(frame(payload) + frame(b'{"observation": {"moon": 1}}'))
@@ -170,7 +170,7 @@ def test_any_request(game: Game, payload: bytes) -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(data=st.binary(max_size=60))
-def test_any_bytes(game: Game, data: bytes) -> None:
+def test_any_bytes_are_cut_within_the_limit(game: Game, data: bytes) -> None:
     with game.connect() as connection, contextlib.suppress(ConnectionError):
         connection.sendall(data)
         connection.shutdown(socket.SHUT_WR)

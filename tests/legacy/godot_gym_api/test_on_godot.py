@@ -153,7 +153,7 @@ def test_protobuf_without_a_module(opener: Opener, protobuf_project: Path) -> No
     assert "protobuf_message_module" in caught.value.hint
 
 
-def test_an_environment(opener: Opener, project: Path) -> None:
+def test_environment_steps_in_real_godot(opener: Opener, project: Path) -> None:
     env = opener.env(
         target=project,
         engine_address=ANYWHERE,
@@ -167,7 +167,7 @@ def test_an_environment(opener: Opener, project: Path) -> None:
         assert [result[2] for result in results] == [False] * 5 + [True]
 
 
-def test_a_shell_command(opener: Opener, project: Path) -> None:
+def test_shell_command_starts_the_game(opener: Opener, project: Path) -> None:
     program = find_engine(EngineKind.GODOT3).path
     command = f"cd {shlex.quote(str(project))} && exec {shlex.quote(str(program))}"
     client = opener.client(None, ANYWHERE, command=command)
@@ -187,7 +187,7 @@ def test_a_game_without_an_agent_says_so(
     assert left_processes() == []
 
 
-def test_a_script_that_fails(
+def test_failed_script_is_reported(
     opener: Opener, project: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Godot goes on behind the line that failed: fields are missing, and the log says why."""
@@ -219,7 +219,7 @@ sys.stdin.read()
 """
 
 
-def test_the_game_goes_with_its_trainer(project: Path) -> None:
+def test_game_ends_with_a_killed_trainer(project: Path) -> None:
     """Even if the trainer is killed: a game for godot_gym_api would wait for the next client."""
     with subprocess.Popen(
         [sys.executable, "-c", START_AND_WAIT, str(project)],

@@ -58,7 +58,9 @@ READERS: list[Callable[[bytes], Any]] = [read_step, read_reset, read_render]
 
 @settings(max_examples=300, deadline=None)
 @given(message=MESSAGES, reader=st.sampled_from(READERS))
-def test_any_message(message: bytes, reader: Callable[[bytes], Any]) -> None:
+def test_any_message_raises_documented_errors_only(
+    message: bytes, reader: Callable[[bytes], Any]
+) -> None:
     try:
         answer: Any = reader(message)
     except (ProtocolError, GameError) as error:
@@ -72,14 +74,14 @@ def test_any_message(message: bytes, reader: Callable[[bytes], Any]) -> None:
 
 @pytest.mark.parametrize("text", ["[" * 100_000, '{"a":' * 100_000, "1" * 100_000])
 @pytest.mark.parametrize("reader", READERS)
-def test_deep_and_long_messages(text: str, reader: Callable[[bytes], Any]) -> None:
+def test_deeply_nested_messages_are_refused(text: str, reader: Callable[[bytes], Any]) -> None:
     with pytest.raises(ProtocolError):
         reader(text.encode())
 
 
 @settings(max_examples=300, deadline=None)
 @given(space=SPACES, value=st.lists(NUMBERS, min_size=1, max_size=2) | JUNK)
-def test_any_observation(space: spaces.Space[Any], value: Any) -> None:
+def test_any_observation_is_checked(space: spaces.Space[Any], value: Any) -> None:
     try:
         observation = to_observation(space, value, "observation")
     except GameError:
@@ -91,7 +93,7 @@ def test_any_observation(space: spaces.Space[Any], value: Any) -> None:
 
 @settings(max_examples=200, deadline=None)
 @given(space=SPACES, action=JUNK)
-def test_any_action(space: spaces.Space[Any], action: Any) -> None:
+def test_any_action_is_checked(space: spaces.Space[Any], action: Any) -> None:
     try:
         numbers = to_action_list(space, action)
     except ActionError:
@@ -102,7 +104,7 @@ def test_any_action(space: spaces.Space[Any], action: Any) -> None:
 @pytest.mark.parametrize(
     "space", [spaces.Discrete(3), spaces.Box(-1, 1, (2, 2)), spaces.MultiDiscrete([2, 3])]
 )
-def test_samples_go_there_and_back(space: spaces.Space[Any]) -> None:
+def test_samples_survive_a_round_trip(space: spaces.Space[Any]) -> None:
     space.seed(1)
     for _ in range(5):
         sample = space.sample()
@@ -136,7 +138,7 @@ def take_all(framing: WebSocketFraming) -> list[bytes]:
 
 @settings(max_examples=100, deadline=None)
 @given(data=st.binary(max_size=300))
-def test_any_bytes_after_the_handshake(data: bytes) -> None:
+def test_any_bytes_after_the_handshake_are_survived(data: bytes) -> None:
     framing, _ = connected(100)
     try:
         framing.feed(data)
@@ -147,7 +149,7 @@ def test_any_bytes_after_the_handshake(data: bytes) -> None:
 
 @settings(max_examples=100, deadline=None)
 @given(data=st.binary(max_size=300))
-def test_any_bytes_instead_of_a_handshake(data: bytes) -> None:
+def test_any_bytes_instead_of_a_handshake_are_refused(data: bytes) -> None:
     framing = WebSocketFraming(100)
     framing.feed(data)
     try:
@@ -158,7 +160,9 @@ def test_any_bytes_instead_of_a_handshake(data: bytes) -> None:
 
 @pytest.mark.parametrize("num_fragments", [1, 2, 30])
 @pytest.mark.parametrize(("num_bytes", "is_taken"), [(60, True), (100, True), (101, False)])
-def test_the_longest_message(num_fragments: int, num_bytes: int, *, is_taken: bool) -> None:
+def test_message_limit_counts_all_fragments(
+    num_fragments: int, num_bytes: int, *, is_taken: bool
+) -> None:
     framing, client = connected(100)
     pieces = np.array_split(np.frombuffer(b"x" * num_bytes, np.uint8), num_fragments)
     for number, piece in enumerate(pieces):
@@ -168,7 +172,7 @@ def test_the_longest_message(num_fragments: int, num_bytes: int, *, is_taken: bo
     assert take_all(framing) == ([b"x" * num_bytes] if is_taken else [])
 
 
-def test_a_byte_at_a_time() -> None:
+def test_messages_are_read_byte_by_byte() -> None:
     framing, client = connected(100)
     client.send_text(b'{"init_observation": [1]}')
     for byte in sent_by(client):

@@ -50,7 +50,7 @@ def test_steps_are_exact(opener: Opener, command: str) -> None:
         assert env.step(STEP)[2]
 
 
-def test_a_script_that_fails(opener: Opener, command: str) -> None:
+def test_failed_script_is_reported(opener: Opener, command: str) -> None:
     env = opened(opener, command.replace(" && ", " && WALK_FAULT=script "), step_timeout_s=30.0)
     env.reset()
     for _ in range(2):
@@ -61,7 +61,7 @@ def test_a_script_that_fails(opener: Opener, command: str) -> None:
     assert left_processes() == []
 
 
-def test_a_frame_without_a_renderer(opener: Opener, command: str) -> None:
+def test_frame_without_a_renderer_hints_at_one(opener: Opener, command: str) -> None:
     env = opened(opener, command, render_mode="rgb_array")
     env.reset()
     with pytest.raises(GameError, match="SCRIPT ERROR") as caught:
@@ -70,7 +70,7 @@ def test_a_frame_without_a_renderer(opener: Opener, command: str) -> None:
     assert "xvfb-run" in caught.value.hint
 
 
-def test_a_scene_that_is_missing(opener: Opener, command: str) -> None:
+def test_missing_scene_is_reported(opener: Opener, command: str) -> None:
     with pytest.raises(LudusError, match="Godot Engine v3"):
         opened(opener, command.replace("walk.tscn", "nowhere.tscn"), start_timeout_s=10.0)
     assert left_processes() == []

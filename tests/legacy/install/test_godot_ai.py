@@ -29,7 +29,7 @@ def tree(folder: Path) -> dict[str, bytes]:
     }
 
 
-def test_godot_ai_is_put_aside_and_stood_in_for(project: Path) -> None:
+def test_godot_ai_is_backed_up_and_forwarded(project: Path) -> None:
     (project / "AI" / "AIRunner.gd.uid").write_text("uid://cairunner00001\n")
     change = install_legacy_addon(project)
     assert list(change.replaced) == SCRIPTS

@@ -36,7 +36,7 @@ def listed(project: Path) -> dict[str, str]:
     return dict(zip(names, paths, strict=True))
 
 
-def test_its_scripts_are_put_aside_and_stood_in_for(project: Path) -> None:
+def test_scripts_are_backed_up_and_forwarded(project: Path) -> None:
     before = tree(project)
     change = install_legacy_addon(project)
     assert (list(change.replaced), change.kept) == (SCRIPTS, "godot_gym_api.old")

@@ -25,7 +25,7 @@ def project(tmp_path: Path) -> Path:
     return tmp_path / "game"
 
 
-def test_gymgodots_script_is_put_aside_and_stood_in_for(project: Path) -> None:
+def test_gymgodots_script_is_backed_up_and_forwarded(project: Path) -> None:
     before = tree(project)
     change = install_legacy_addon(project)
     assert (change.replaced, change.kept) == (("GymGodot.gd",), "gymgodot.old")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from ludus.disk import disk_errors
 from ludus.errors import ProtocolError
@@ -77,9 +77,7 @@ class ProjectFiles:
             value = parse_godot_json(data)
         except ValueError as error:
             raise ProtocolError(f"{path} is not JSON: {error}") from error
-        if not isinstance(value, dict):
-            raise ProtocolError(f"{path} must hold an object, not {short(value)}")
-        return Fields(cast(dict[str, Any], value), path)
+        return Fields(value, path)
 
     def write(self, name: str, values: dict[str, Any]) -> str:
         """Write a file into the folder for bulk data, whole or not at all.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import torch
@@ -81,10 +81,7 @@ def unknown_agent(name: str, agents: Mapping[str, Agent], where: str) -> GameErr
 
 
 def _fields(row: Any, index: int) -> Fields:
-    where = f"replays[{index}]"
-    if not isinstance(row, dict):
-        raise GameError(f"{where} must be an object, not {short(row)}")
-    return Fields(cast(dict[str, Any], row), where)
+    return Fields(row, f"replays[{index}]")
 
 
 def _all_at_once(rows: Sequence[Row], agent: Agent) -> Sample | None:
@@ -130,7 +127,7 @@ def _checked(fields: Fields, agent: Agent) -> dict[str, Any]:
     """
     done = fields.get("done")
     if done not in (0, 1):
-        raise fields.error("done", "0 or 1", done)
+        raise fields.unexpected("done", "0 or 1", done)
     settings = agent.settings
     return {
         "state": _vector(fields, "state", settings.state_size),

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from ludus import addon
 from ludus.addon import MANIFEST_NAME, addon_status, install_addon
-from ludus.addon import installing as addon
 from ludus.engine import EngineKind
 from ludus.errors import ConfigError, SetupError, TargetError
 

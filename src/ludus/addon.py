@@ -1,7 +1,7 @@
-"""Put the Ludus add-on into a Godot project, upgrade it there, and switch it on.
+"""Install the Ludus add-on in a Godot project, upgrade it there, and enable it.
 
 A manifest beside the add-on's files records what was installed. Files that the user changed
-since are not overwritten unless asked to, and files of the user's own are left alone.
+since are overwritten only on request, and files that the user added are kept.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ import logging
 import os
 import shutil
 import tempfile
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
@@ -50,7 +52,7 @@ _SIGNS = {
     EngineKind.GODOT4: {ADDON_PATH: "plugin.cfg", LEGACY_PATH: "ai_runner.gd"},
     EngineKind.GODOT3: {ADDON_PATH: "plugin.cfg", LEGACY_PATH: "gym_godot.gd"},
 }
-"""A file by which a folder of the add-on is known to be whole."""
+"""A file that every complete folder of the add-on contains."""
 
 _log = logging.getLogger(__name__)
 
@@ -63,8 +65,8 @@ class AddonStatus:
         version: Version that was installed; None if there is no add-on, or one without a
             manifest.
         is_present: Whether there is an add-on at all.
-        is_enabled: Whether it is switched on in ``project.godot``.
-        is_current: Whether all its files equal those that come with this version of Ludus.
+        is_enabled: Whether it is enabled in ``project.godot``.
+        is_current: Whether all its files equal those bundled with this version of Ludus.
         changed: Files that differ from what was installed, relative to the add-on.
     """
 
@@ -80,12 +82,12 @@ class AddonChange:
     """What an installation did.
 
     Attributes:
-        version_before: Version that was there; None if none was known.
-        version_after: Version that is there now.
+        version_before: Version that was installed; None if unknown or none.
+        version_after: Version that is installed now.
         added: New files, relative to the add-on.
         updated: Files that were replaced.
-        removed: Files that this version no longer has.
-        has_enabled_plugin: Whether ``project.godot`` was changed to switch it on.
+        removed: Files that are not part of this version.
+        has_enabled_plugin: Whether ``project.godot`` was changed to enable it.
     """
 
     version_before: str | None
@@ -107,29 +109,26 @@ class _Files:
 
     def changed(self) -> list[str]:
         """List files that the user altered and that an installation would overwrite or remove."""
-        return sorted(name for name, sha in self.present.items() if self._is_changed(name, sha))
-
-    def _is_changed(self, name: str, sha: str) -> bool:
-        if sha == self.bundled.get(name):
-            return False
-        if name in self.recorded:
-            return sha != self.recorded[name]
-        return name in self.bundled  # there before us, and we would overwrite it
+        return sorted(
+            name
+            for name in self.present.keys() & (self.bundled.keys() | self.recorded.keys())
+            if self.present[name] not in {self.bundled.get(name), self.recorded.get(name)}
+        )
 
     def own(self) -> list[str]:
-        """List files of the user's own, which an installation keeps."""
+        """List files that the user added, which an installation keeps."""
         ours = self.bundled.keys() | self.recorded.keys()
         return sorted(name for name in self.present if name not in ours)
 
 
 def addon_status(project: Path) -> AddonStatus:
-    """Tell which add-on a project has.
+    """Examine the add-on of a project.
 
     Raises:
         TargetError: There is no Godot project.
     """
     root = find_project(project).root
-    files = _survey(root, ADDON_PATH)
+    files = _survey(_bundled_addon(root, ADDON_PATH), root / ADDON_PATH)
     return AddonStatus(
         version=files.version,
         is_present=bool(files.present),
@@ -140,11 +139,11 @@ def addon_status(project: Path) -> AddonStatus:
 
 
 def install_addon(project: Path, *, force: bool = False) -> AddonChange:
-    """Copy the add-on for the project's version of Godot into it and switch it on.
+    """Copy the add-on for the project's version of Godot into the project and enable it.
 
     The new folder is prepared beside the old one and takes its place at the end, so that a
-    failure half-way leaves the old one. Repeating it changes nothing. The classes for games that
-    were written for godot-ai (:data:`LEGACY_PATH`) are upgraded with it where they are there.
+    failure half-way leaves the old one. Repeating the installation changes nothing. The classes
+    of legacy bridges (:data:`LEGACY_PATH`) are upgraded too if the project has them.
 
     Args:
         project: Folder of the project, or anything inside it.
@@ -155,20 +154,16 @@ def install_addon(project: Path, *, force: bool = False) -> AddonChange:
         ConfigError: Files were changed by hand, or the folder is a link.
         SetupError: The project cannot be written.
     """
-    found = find_project(project)
-    root = found.root
+    root = find_project(project).root
     if (root / LEGACY_PATH).is_dir():
         install_folder(root, LEGACY_PATH, force=force)
     change = install_folder(root, ADDON_PATH, force=force)
-    try:
-        has_enabled = _switch_on(root)
-    except OSError as error:
-        raise _not_installed(root, error) from error
-    return replace(change, has_enabled_plugin=has_enabled)
+    with _disk_errors(root):
+        return replace(change, has_enabled_plugin=_enable(root))
 
 
 def install_folder(root: Path, path: str, *, force: bool) -> AddonChange:
-    """Copy one folder of the add-on, as :func:`install_addon` does, without switching it on.
+    """Copy one folder of the add-on, as :func:`install_addon` does, without enabling it.
 
     Args:
         root: Folder of the project.
@@ -179,24 +174,48 @@ def install_folder(root: Path, path: str, *, force: bool) -> AddonChange:
         ConfigError: Files were changed by hand, or the folder is a link.
         SetupError: The project cannot be written.
     """
-    files = _survey(root, path)
-    _refuse_what_cannot_be_replaced(root, path, files, force=force)
-    try:
-        return _replace(root, path, files)
-    except OSError as error:
-        raise _not_installed(root, error) from error
-
-
-def _not_installed(root: Path, error: OSError) -> SetupError:
-    return SetupError(
-        f"the add-on could not be installed in {root}: {error}",
-        hint="the project folder must be writable, and the disk not full",
+    source, target = _bundled_addon(root, path), root / path
+    files = _survey(source, target)
+    is_bundled = target.resolve() == source.resolve()
+    if target.is_symlink() and not is_bundled:
+        raise ConfigError(
+            f"{target} is a link to {target.resolve()}", hint="remove the link, then try again"
+        )
+    changed = files.changed()
+    if changed and not force:
+        rows = "\n".join(f"  {path}/{name}" for name in changed)
+        raise ConfigError(
+            f"these files of the add-on were changed by hand:\n{rows}",
+            hint="use --force to overwrite them, or move your changes out of the add-on",
+        )
+    new, old, version = files.bundled, files.present, package_version()
+    change = AddonChange(
+        version_before=files.version,
+        version_after=version,
+        added=tuple(sorted(new.keys() - old.keys())),
+        updated=tuple(sorted(name for name in new.keys() & old.keys() if new[name] != old[name])),
+        removed=tuple(sorted(files.recorded.keys() & old.keys() - new.keys())),
     )
+    is_current = files.recorded == new and files.version == version
+    if not is_bundled and (not is_current or change.added or change.updated):
+        with _disk_errors(root):
+            _swap_in(source, target, files, version)
+    return change
 
 
-def _survey(root: Path, path: str) -> _Files:
-    target = root / path
-    files = _Files(_hashes(_bundled_addon(root, path)), _hashes(target))
+@contextmanager
+def _disk_errors(root: Path) -> Generator[None, None, None]:
+    try:
+        yield
+    except OSError as error:
+        raise SetupError(
+            f"the add-on could not be installed in {root}: {error}",
+            hint="the project folder must be writable, and the disk not full",
+        ) from error
+
+
+def _survey(source: Path, target: Path) -> _Files:
+    files = _Files(_hashes(source), _hashes(target))
     try:
         data: Any = json.loads((target / MANIFEST_NAME).read_text(encoding="utf-8"))
         files.recorded = {str(name): str(sha) for name, sha in data["files"].items()}
@@ -230,50 +249,19 @@ def _hashes(folder: Path) -> dict[str, str]:
     return found
 
 
-def _refuse_what_cannot_be_replaced(root: Path, path: str, files: _Files, *, force: bool) -> None:
-    target = root / path
-    is_bundled = target.resolve() == _bundled_addon(root, path).resolve()
-    if target.is_symlink() and not is_bundled:
-        raise ConfigError(
-            f"{target} is a link to {target.resolve()}", hint="remove the link, then try again"
-        )
-    changed = files.changed()
-    if changed and not force:
-        rows = "\n".join(f"  {path}/{name}" for name in changed)
-        raise ConfigError(
-            f"these files of the add-on were changed by hand:\n{rows}",
-            hint="use --force to overwrite them, or move your changes out of the add-on",
-        )
-
-
-def _replace(root: Path, path: str, files: _Files) -> AddonChange:
-    target, source = root / path, _bundled_addon(root, path)
-    version = package_version()
-    new, old = files.bundled, files.present
-    gone = [name for name in files.recorded if name in old and name not in new]
-    change = AddonChange(
-        version_before=files.version,
-        version_after=version,
-        added=tuple(sorted(new.keys() - old.keys())),
-        updated=tuple(sorted(name for name in new.keys() & old.keys() if new[name] != old[name])),
-        removed=tuple(sorted(gone)),
-    )
-    is_bundled = target.resolve() == source.resolve()
-    is_same = files.recorded == new and files.version == version
-    if not is_bundled and not (is_same and not change.added and not change.updated):
-        _swap_in(source, target, files, version)
-    return change
-
-
 def _swap_in(source: Path, target: Path, files: _Files, version: str) -> None:
-    """Prepare the new folder beside the old one, then let it take its place."""
+    """Prepare the new folder beside the old one, then rename it to take the old one's place."""
     target.parent.mkdir(parents=True, exist_ok=True)
     incoming = Path(tempfile.mkdtemp(prefix=".ludus-", dir=target.parent))
     try:
         prepared, old = incoming / "new", incoming / "old"
-        _prepare(prepared, source, files, version)
+        for name in files.bundled:
+            _copy_file(source / name, prepared / name)
         for name in files.own():
             _copy_file(target / name, prepared / name)
+        manifest = {"version": version, "files": files.bundled}
+        text = json.dumps(manifest, indent=2, sort_keys=True) + "\n"
+        (prepared / MANIFEST_NAME).write_text(text, encoding="utf-8")
         if target.exists():
             target.rename(old)
         try:
@@ -286,26 +274,19 @@ def _swap_in(source: Path, target: Path, files: _Files, version: str) -> None:
         shutil.rmtree(incoming, ignore_errors=True)
 
 
-def _prepare(prepared: Path, source: Path, files: _Files, version: str) -> None:
-    for name in files.bundled:
-        _copy_file(source / name, prepared / name)
-    manifest = {"version": version, "files": files.bundled}
-    text = json.dumps(manifest, indent=2, sort_keys=True) + "\n"
-    (prepared / MANIFEST_NAME).write_text(text, encoding="utf-8")
-
-
 def _copy_file(source: Path, target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(source, target)
 
 
 def read_project_file(root: Path) -> str:
-    """Return ``project.godot``, with the line ends that it has."""
+    """Return ``project.godot`` with its line ends unchanged."""
     with (root / PROJECT_FILE).open(encoding="utf-8", newline="") as file:
         return file.read()
 
 
-def _switch_on(root: Path) -> bool:
+def _enable(root: Path) -> bool:
+    """Enable the add-on in ``project.godot``; return whether that changed the file."""
     text = read_project_file(root)
     kind = read_project(root).engine_kind
     enabled = add_to_string_array(text, _ENABLED_KEY, PLUGIN, _ARRAY_TYPES[kind])
@@ -321,7 +302,7 @@ def _switch_on(root: Path) -> bool:
 
 
 def write_project_file(root: Path, text: str) -> None:
-    """Write ``project.godot`` as a whole, or leave the old one.
+    """Replace ``project.godot`` in one step, so that it is never half-written.
 
     Raises:
         OSError: It cannot be written.
@@ -329,12 +310,8 @@ def write_project_file(root: Path, text: str) -> None:
     file = root / PROJECT_FILE
     temporary = file.with_name(f".{PROJECT_FILE}.{os.getpid()}")
     try:
-        shutil.copymode(file, _written(temporary, text))
+        temporary.write_text(text, encoding="utf-8", newline="")
+        shutil.copymode(file, temporary)
         temporary.replace(file)
     finally:
         temporary.unlink(missing_ok=True)
-
-
-def _written(path: Path, text: str) -> Path:
-    path.write_text(text, encoding="utf-8", newline="")
-    return path
