@@ -18,7 +18,7 @@ import secrets
 import signal
 import sys
 import tempfile
-from collections import Counter
+from collections import Counter, defaultdict
 from functools import cache
 from typing import Any
 
@@ -39,7 +39,7 @@ from ludus.engine import (
 from ludus.errors import SetupError
 from tests.kept_imports import KeptImports
 
-_left_out: Counter[str] = Counter()
+_left_out: defaultdict[str, Counter[str]] = defaultdict(Counter)
 _patches = pytest.StashKey[pytest.MonkeyPatch]()
 
 # How long an example takes says more about the machine than about what is tested. The examples are
@@ -127,9 +127,10 @@ def _seed_generators() -> None:
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Count the tests that were left out, by reason."""
+    """Count the tests that were left out, by reason and file."""
     if report.skipped and isinstance(report.longrepr, tuple):
-        _left_out[report.longrepr[2].removeprefix("Skipped: ")] += 1
+        reason = report.longrepr[2].removeprefix("Skipped: ")
+        _left_out[reason][report.location[0]] += 1
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
@@ -138,9 +139,10 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
-@pytest.hookimpl(trylast=True)
-def pytest_terminal_summary(terminalreporter: Any) -> None:
-    """Say what was left out, and why."""
-    for reason, count in _left_out.items():
-        verdict = "FAILED, left out" if os.environ.get("CI") == "true" else "left out"
-        terminalreporter.write_line(f"{verdict}: {count} tests: {reason}")
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Say at the very end what was left out, and why."""
+    reporter: Any = config.pluginmanager.get_plugin("terminalreporter")
+    for reason, files in _left_out.items() if reporter else ():
+        verdict = "FAILED: left out" if os.environ.get("CI") == "true" else "left out"
+        where = ", ".join(f"{file} ({count})" for file, count in sorted(files.items()))
+        reporter.write_line(f"{verdict}: {files.total()} tests, in {where}: {reason}")

@@ -149,6 +149,6 @@ def test_onnx_metadata_tell_the_spec() -> None:
 @pytest.mark.parametrize("name", RESERVED)
 def test_onnx_refuses_entries_with_names_of_its_own(name: str) -> None:
     spec = dataclasses.replace(SIMPLE, observation=(ObservationEntry(name, "float32", (3,)),))
-    with pytest.raises(RunError, match=f"entry called {name}") as error:
+    with pytest.raises(RunError, match=f"entry {name} has the name of another") as error:
         to_onnx(to_model(make_policy(spec), spec))
     assert "rename" in error.value.hint

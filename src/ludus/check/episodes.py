@@ -149,7 +149,7 @@ class _Drift:
     def _largest(self, step: int, world: int) -> str:
         one, two = (recording.frames[step].batches for recording in (self._isolated, self._grid))
         found = largest_difference(self._isolated.spec, one, two, self._scale, world)
-        if found is None:
+        if found is None or np.isinf(self.size[step, world]):
             return "an episode ended in one layout only"
         isolated, grid = found.values
         return f"{found.name} is {isolated:.6g} isolated and {grid:.6g} in the grid"

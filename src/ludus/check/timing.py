@@ -53,7 +53,7 @@ def _reset_answers(recording: Recording) -> Finding:
 
 def _ticks(recording: Recording) -> Finding:
     expected = recording.spec.ticks_per_step
-    title = f"a step is {expected} ticks"
+    title = f"a step takes {expected} ticks"
     ticks = np.diff([frame.tick for frame in recording.frames])
     # After an end, worlds may settle for some ticks before their first observation.
     may_settle = np.array(
@@ -119,7 +119,7 @@ def _limit(recording: Recording, origin: str) -> Finding:
     """Check that an episode that reaches its limit ends there."""
     limits = {policy.name: policy.max_episode_steps for policy in recording.spec.policies}
     if all(limit is None for limit in limits.values()):
-        return info("no limit of steps is declared", hint="LudusAgent.max_episode_steps sets one")
+        return info("no step limit is declared", hint="LudusAgent.max_episode_steps sets one")
     shown = ", ".join(f"{limit or 'none'}" for limit in limits.values())
     title = f"episodes are truncated after {shown} steps{origin}"
     num_cut = 0
@@ -139,7 +139,7 @@ def _limit(recording: Recording, origin: str) -> Finding:
                 return fail(title, detail)
             num_cut += int((batch.truncated & (lengths == limit)).sum())
             lengths[has_ended] = 0
-    return ok(title, f"{num_cut} of them were", num_truncated=num_cut)
+    return ok(title, f"{num_cut} episodes reached the limit", num_truncated=num_cut)
 
 
 def _leave_all(num_worlds: int) -> ResetRequest:

@@ -15,7 +15,7 @@ from ludus.check.finding import Finding, fail, info, ok
 from ludus.errors import UsageError
 from ludus.libraries import LudusVectorEnv
 from ludus.play.players import random_player
-from ludus.spec import DiscreteAction, PolicySpec
+from ludus.spec import ContinuousAction, DiscreteAction, PolicySpec
 from ludus.spec.batch import ActionBatch, Batch
 
 __all__ = ["check_vector_env"]
@@ -75,16 +75,13 @@ def _to_space(policy: PolicySpec, actions: ActionBatch) -> Any:
         return actions.discrete[:, 0] if policy.num_discrete == 1 else actions.discrete
     if not policy.num_discrete:
         return actions.continuous
-    values: dict[str, NDArray[Any]] = {}
-    choice = number = 0
-    for part in policy.action:
-        if isinstance(part, DiscreteAction):
-            values[part.name] = actions.discrete[:, choice]
-            choice += 1
-        else:
-            values[part.name] = actions.continuous[:, number : number + part.size]
-            number += part.size
-    return values
+    sizes = [part.size for part in policy.action if isinstance(part, ContinuousAction)]
+    numbers = iter(np.split(actions.continuous, np.cumsum(sizes)[:-1], axis=1))
+    choices = iter(actions.discrete.T)
+    return {
+        part.name: next(choices if isinstance(part, DiscreteAction) else numbers)
+        for part in policy.action
+    }
 
 
 def _shapes(player: _Player) -> str:

@@ -19,7 +19,7 @@ from ludus.errors import (
 )
 from ludus.link import Link, LinkClosed
 from ludus.session.supervision import Supervision
-from ludus.spec import PolicySpec, Spec
+from ludus.spec import PolicySpec
 from ludus.spec.batch import ActionBatch, Batches, StepTimes
 from ludus.spec.finite import check_finite
 from ludus.wire.error_report import error_report
@@ -54,6 +54,11 @@ class EngineSession:
         token: Secret shared with an engine on another machine.
         step_timeout_s: Deadline of every answer, seconds.
 
+    Attributes:
+        hello: The engine's greeting: versions and capabilities.
+        spec: What the engine declared.
+        policies: Policies by name, in wire order.
+
     Raises:
         EngineStartError: Versions or tokens do not match, or the game never sent its spec.
         TargetError: The scene cannot be trained; the text says why.
@@ -77,11 +82,11 @@ class EngineSession:
         self._call_id = 0
         self._num_steps = 0
         try:
-            self._hello = Hello.from_json(self._receive_json(FrameType.HELLO))
+            self.hello = Hello.from_json(self._receive_json(FrameType.HELLO))
             version = self._agree(token)
-            answer = welcome(version, self._hello, config, token, self._more_capabilities)
+            answer = welcome(version, self.hello, config, token, self._more_capabilities)
             self._send(FrameType.WELCOME, encode_json(FrameType.WELCOME, answer))
-            self._spec = read_spec(self._receive_json(FrameType.SPEC))
+            self.spec = read_spec(self._receive_json(FrameType.SPEC))
         except EngineTimeout as error:
             raise EngineStartError(
                 f"the game did not send its spec in time: {error.message}",
@@ -93,28 +98,15 @@ class EngineSession:
         except BaseException:
             self.close()
             raise
-        self._policies = {policy.name: policy for policy in self._spec.policies}
-        self._encoder = StepEncoder(self._spec)
-        self._decoder = BatchDecoder(self._spec)
+        self.policies: Mapping[str, PolicySpec] = {
+            policy.name: policy for policy in self.spec.policies
+        }
+        self._encoder = StepEncoder(self.spec)
+        self._decoder = BatchDecoder(self.spec)
         link.timeout_s = step_timeout_s
         self._spin_s = config.spin_us * 1e-6
         if config.spin_us:
             link.spin(self._spin_s)
-
-    @property
-    def spec(self) -> Spec:
-        """What the engine declared."""
-        return self._spec
-
-    @property
-    def policies(self) -> Mapping[str, PolicySpec]:
-        """Policies by name, in wire order."""
-        return self._policies
-
-    @property
-    def hello(self) -> Hello:
-        """The engine's greeting: versions and capabilities."""
-        return self._hello
 
     @property
     def times(self) -> StepTimes:
@@ -129,7 +121,7 @@ class EngineSession:
     @property
     def has_requests(self) -> bool:
         """Whether requests of the game were waiting as of the last answer."""
-        return self._decoder.has_requests and REQUESTS in self._hello.capabilities
+        return self._decoder.has_requests and REQUESTS in self.hello.capabilities
 
     def reset(self, request: ResetRequest) -> Batches:
         """Begin new episodes (PROTOCOL.md §5).
@@ -141,9 +133,9 @@ class EngineSession:
             UsageError: The request does not fit the number of worlds.
             EngineError: The engine failed.
         """
-        if len(request.seeds) != self._spec.num_worlds:
+        if len(request.seeds) != self.spec.num_worlds:
             raise UsageError(
-                f"reset of {len(request.seeds)} worlds, the engine has {self._spec.num_worlds}"
+                f"reset of {len(request.seeds)} worlds, the engine has {self.spec.num_worlds}"
             )
         self._send(FrameType.RESET, request.encode())
         return self.receive()
@@ -180,7 +172,7 @@ class EngineSession:
             batches = self._decoder.decode(num_bytes)
             self._num_steps = 0 if self._decoder.is_reset else self._num_steps + 1
             if not self._decoder.all_finite_fast():
-                check_finite(self._policies, batches, self._num_steps)
+                check_finite(self.policies, batches, self._num_steps)
             self._supervision.check_script_errors()
         except BaseException as error:
             self._close_after(error)
@@ -243,7 +235,7 @@ class EngineSession:
             SequenceError: The answer to ``send`` was not received yet.
             EngineError: The engine failed.
         """
-        if REQUESTS in self._hello.capabilities:
+        if REQUESTS in self.hello.capabilities:
             self.call(BRIDGE, "show_status", [dict(status)])
 
     def fail(self, error: LudusError) -> None:
@@ -263,13 +255,13 @@ class EngineSession:
 
     def _agree(self, token: str) -> int:
         """Return the protocol version, after checking the engine's token."""
-        if token and not self._hello.has_token(token):
+        if token and not self.hello.has_token(token):
             self._send_error("token", "the tokens differ")
             raise EngineStartError(
                 "the engine's token is not ours", hint="give both sides the same token file"
             )
         try:
-            return self._hello.agree()
+            return self.hello.agree()
         except EngineStartError as error:
             self._send_error("version", error.message, error.hint)
             raise

@@ -1,6 +1,6 @@
 """The server of godot-ai games: sockets, a thread for each client, deadlines.
 
-Messages are answered one at a time in one thread, whoever they come from: no locks are needed,
+Messages are answered one at a time in one thread, for all clients: no locks are needed,
 and PyTorch keeps to the number of threads that was set, which it remembers per thread. A client
 that breaks the rules is told so and dropped; the others notice nothing.
 """
