@@ -76,23 +76,26 @@ renderers: .venv/.ready
 	@$(BIN)/ludus engine install godot4 --rendering
 	@$(BIN)/ludus engine install godot3 --rendering
 
-# Many tests wait for deadlines, so two processes finish sooner even on a busy machine; a file
-# stays with one process, as its games do. The last run names what was left out.
+# A file stays with one process, as its games do. Files in their own order end with the wire's
+# many short ones, so that no process has a long one left when the other is done.
+PYTEST_PARALLEL = $(BIN)/pytest --numprocesses=2 --dist=loadfile --no-loadscope-reorder
+
+# The last run names what was left out.
 test: renderers
 	@failed=0; set -x; \
 	$(BIN)/pytest -m 'alone and not bevy' || failed=1; \
-	$(BIN)/pytest -m 'not alone and not bevy' --numprocesses=2 --dist=loadfile || failed=1; \
+	$(PYTEST_PARALLEL) -m 'not alone and not bevy' || failed=1; \
 	exit $$failed
 
 test-fast: .venv/.ready
-	$(BIN)/pytest -m 'not engine and not slow' --numprocesses=2 --dist=worksteal
+	$(PYTEST_PARALLEL) -m 'not engine and not screen and not slow'
 
 # One after the other: Cargo lets nobody else build meanwhile.
 test-bevy: cargo renderers
 	@$(MAKE) --no-print-directory bevy-test
 	@$(MAKE) --no-print-directory bevy-examples
 	$(BIN)/pytest -m 'bevy and alone'
-	$(BIN)/pytest -m 'bevy and not alone' --numprocesses=2 --dist=loadfile
+	$(PYTEST_PARALLEL) -m 'bevy and not alone'
 
 cargo:
 	@command -v cargo > /dev/null || { echo "the Bevy crates need Cargo: $(CARGO_HINT)"; exit 1; }

@@ -31,8 +31,8 @@ import numpy as np
 import tyro
 
 from ludus.engine.bevy_build import build_bevy_example
-from ludus.legacy.bevy_rl.client import Client
-from ludus.legacy.bevy_rl.connection import Connection
+from ludus.legacy.bevy_rl.game import Client
+from ludus.legacy.bevy_rl.http import HttpConversation
 
 PEER_ADDRESS = ("127.0.0.1", 7878)
 START_TIMEOUT_S = 20.0
@@ -140,7 +140,7 @@ def _with_keep_alive(_num_agents: int) -> Step:
 
 
 def _with_ludus(_num_agents: int) -> Step:
-    client = Client(Connection(*PEER_ADDRESS, START_TIMEOUT_S, TIMEOUT_S), with_pixels=False)
+    client = Client(HttpConversation(PEER_ADDRESS, START_TIMEOUT_S, TIMEOUT_S), with_pixels=False)
     client.reset()
 
     def step(actions: list[str]) -> Any:

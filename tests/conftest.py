@@ -18,7 +18,7 @@ import secrets
 import signal
 import sys
 import tempfile
-from collections import Counter
+from collections import Counter, defaultdict
 from functools import cache
 from typing import Any
 
@@ -26,15 +26,20 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
-from ludus.engine import EngineKind, InstalledEngine, find_engine, importing, with_display
-from ludus.engine.debian_template import DebianTemplateRoute
-from ludus.engine.install_template import install_template
-from ludus.engine.official_template import OfficialTemplateRoute
-from ludus.engine.template import ExportTemplate
+from ludus.engine import (
+    EngineKind,
+    ExportTemplate,
+    InstalledEngine,
+    find_engine,
+    importing,
+    install_template,
+    template_installers,
+    with_display,
+)
 from ludus.errors import SetupError
 from tests.kept_imports import KeptImports
 
-_left_out: Counter[str] = Counter()
+_left_out: defaultdict[str, Counter[str]] = defaultdict(Counter)
 _patches = pytest.StashKey[pytest.MonkeyPatch]()
 
 # How long an example takes says more about the machine than about what is tested. The examples are
@@ -59,7 +64,7 @@ def godot4() -> InstalledEngine:
 def template(godot4: InstalledEngine) -> ExportTemplate:
     """The real export template; a machine that cannot get one fails these tests."""
     # Debian's first: the official archive has the templates of all platforms, ten times the size.
-    return install_template(godot4, routes=(DebianTemplateRoute(), OfficialTemplateRoute()))
+    return install_template(godot4, installers=template_installers(godot4)[::-1])
 
 
 def pytest_configure() -> None:
@@ -122,9 +127,10 @@ def _seed_generators() -> None:
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Count the tests that were left out, by reason."""
+    """Count the tests that were left out, by reason and file."""
     if report.skipped and isinstance(report.longrepr, tuple):
-        _left_out[report.longrepr[2].removeprefix("Skipped: ")] += 1
+        reason = report.longrepr[2].removeprefix("Skipped: ")
+        _left_out[reason][report.location[0]] += 1
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
@@ -133,9 +139,10 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
-@pytest.hookimpl(trylast=True)
-def pytest_terminal_summary(terminalreporter: Any) -> None:
-    """Say what was left out, and why."""
-    for reason, count in _left_out.items():
-        verdict = "FAILED, left out" if os.environ.get("CI") == "true" else "left out"
-        terminalreporter.write_line(f"{verdict}: {count} tests: {reason}")
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Say at the very end what was left out, and why."""
+    reporter: Any = config.pluginmanager.get_plugin("terminalreporter")
+    for reason, files in _left_out.items() if reporter else ():
+        verdict = "FAILED: left out" if os.environ.get("CI") == "true" else "left out"
+        where = ", ".join(f"{file} ({count})" for file, count in sorted(files.items()))
+        reporter.write_line(f"{verdict}: {files.total()} tests, in {where}: {reason}")

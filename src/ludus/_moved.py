@@ -19,7 +19,7 @@ _RENAMED = {
 """Packages that have another name; what was below them is below the new name."""
 
 _GONE = {"ludus.train": "from ludus import train, TrainConfig, PPOConfig, SACConfig"}
-"""Packages that are no more, with the line to write instead."""
+"""Packages that were removed, with the line to write instead."""
 
 
 class _MovedFinder(importlib.abc.MetaPathFinder, importlib.abc.Loader):

@@ -40,7 +40,7 @@ def _joined(model: Any, attribute: str) -> Any:
     return torch.cat(parts).double().numpy().copy()
 
 
-def test_short_gradients_stay() -> None:
+def test_gradients_below_the_limit_are_not_clipped() -> None:
     own = network()
     adam = Adam(own.parameters(), 1e-5)
     own(torch.zeros(1, 3)).sum().backward()

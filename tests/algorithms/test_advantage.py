@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from ludus.algorithms.advantage import generalised_advantage
+from ludus.algorithms.losses import generalised_advantage
 
 
 def reference(
@@ -41,7 +41,7 @@ def test_equals_the_forward_sum() -> None:
     np.testing.assert_allclose(result.numpy(), expected, rtol=1e-12)
 
 
-def test_by_hand() -> None:
+def test_advantages_equal_those_computed_by_hand() -> None:
     reward = torch.tensor([[1.0], [2.0]])
     value = torch.tensor([[0.5], [1.0]])
     next_value = torch.tensor([[1.0], [4.0]])
@@ -51,7 +51,7 @@ def test_by_hand() -> None:
     assert torch.equal(result.flatten(), torch.tensor([1.75, 3.0]))
 
 
-def test_nothing_crosses_an_end() -> None:
+def test_advantages_do_not_cross_the_end_of_an_episode() -> None:
     reward = torch.tensor([[0.0], [100.0]])
     zeros = torch.zeros(2, 1)
     result = generalised_advantage(

@@ -7,10 +7,14 @@ import numpy as np
 import pytest
 import torch
 
-from ludus.algorithms.advantage import generalised_advantage
 from ludus.algorithms.learner import LearnerSettings
+from ludus.algorithms.losses import (
+    approximate_kl,
+    clipped_surrogate,
+    generalised_advantage,
+    value_loss,
+)
 from ludus.algorithms.ppo import PPO
-from ludus.algorithms.ppo_losses import approximate_kl, clipped_surrogate, value_loss
 from ludus.algorithms.recurrence import run_memory
 from ludus.networks.policy import Policy
 from ludus.settings.train_config import PPOConfig
@@ -207,7 +211,7 @@ def test_without_rewards_the_actor_keeps_exploring() -> None:
     )
 
 
-def test_loaded_state_goes_on_to_the_bit() -> None:
+def test_a_restored_learner_continues_to_the_bit() -> None:
     first, second = learner(), learner()
     for ppo in (first, first, second):
         random = np.random.default_rng(3)

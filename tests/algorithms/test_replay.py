@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from ludus.algorithms.replay import LastState, Replay
+from ludus.algorithms.replay import Replay
+from ludus.algorithms.rollout import SlotState
 from ludus.errors import CheckpointError
 from ludus.networks.tensors import to_numbers
 from ludus.spec import AgentSpec, DiscreteAction, ObservationEntry, PolicySpec
@@ -44,10 +45,10 @@ def finals(random: np.random.Generator, index: list[int]) -> dict[str, Any]:
     }
 
 
-def step(replay: Replay, last: LastState, now: Batch, action: Any) -> int:
+def step(replay: Replay, last: SlotState, now: Batch, action: Any) -> int:
     last.discrete[:, 0] = action
     added = replay.add(last, now)
-    last.write(now)
+    last.write_state(now)
     return added
 
 
@@ -74,7 +75,7 @@ def random_outcome(random: np.random.Generator) -> Batch:
     return batch(random, **changes, **finals(random, is_final.nonzero()[0].tolist()))
 
 
-def expected(last: LastState, now: Batch, slot: int) -> dict[str, Any] | None:
+def expected(last: SlotState, now: Batch, slot: int) -> dict[str, Any] | None:
     """Return the transition of a slot as the text of ``Replay.add`` has it; None for none."""
     is_final = slot in now.final_index
     is_truncated = now.truncated[slot] and not now.terminated[slot]
@@ -100,9 +101,9 @@ def expected(last: LastState, now: Batch, slot: int) -> dict[str, Any] | None:
 def test_holds_the_newest_transitions_of_active_slots(capacity: int) -> None:
     """Anything may end, fall silent or vanish; a plain deque says what must be there."""
     random = np.random.default_rng(capacity)
-    replay, last = Replay(SPEC, capacity), LastState(SPEC, NUM_SLOTS)
+    replay, last = Replay(SPEC, capacity), SlotState.allocate(SPEC, NUM_SLOTS)
     reference: deque[dict[str, Any]] = deque(maxlen=capacity)
-    last.write(batch(random))
+    last.write_state(batch(random))
     for _ in range(60):
         now, action = random_outcome(random), random.integers(4, size=NUM_SLOTS)
         last.discrete[:, 0] = action
@@ -116,12 +117,12 @@ def test_holds_the_newest_transitions_of_active_slots(capacity: int) -> None:
             np.testing.assert_array_equal(mine[name], value, err_msg=name)
 
 
-def test_ends_by_hand() -> None:
+def test_transitions_at_the_end_of_episodes() -> None:
     """Slot 0 is truncated, slot 1 dies, slot 2 falls silent."""
     random = np.random.default_rng(0)
-    replay, last = Replay(SPEC, 10), LastState(SPEC, NUM_SLOTS)
+    replay, last = Replay(SPEC, 10), SlotState.allocate(SPEC, NUM_SLOTS)
     first = batch(random)
-    last.write(first)
+    last.write_state(first)
     final = finals(random, [0, 1])
     now = batch(
         random, truncated=np.array([True, False, False]), terminated=np.array([False, True, False]),
@@ -138,16 +139,16 @@ def test_ends_by_hand() -> None:
 
 def test_a_vanished_engine_leaves_no_transition() -> None:
     random = np.random.default_rng(0)
-    replay, last = Replay(SPEC, 10), LastState(SPEC, NUM_SLOTS)
-    last.write(batch(random))
+    replay, last = Replay(SPEC, 10), SlotState.allocate(SPEC, NUM_SLOTS)
+    last.write_state(batch(random))
     assert step(replay, last, batch(random, truncated=np.ones(NUM_SLOTS, np.bool_)), 0) == 0
     assert replay.size == 0
 
 
-def filled(seed: int, capacity: int = 20, steps: int = 9) -> tuple[Replay, LastState]:
+def filled(seed: int, capacity: int = 20, steps: int = 9) -> tuple[Replay, SlotState]:
     random = np.random.default_rng(seed)
-    replay, last = Replay(SPEC, capacity), LastState(SPEC, NUM_SLOTS)
-    last.write(batch(random))
+    replay, last = Replay(SPEC, capacity), SlotState.allocate(SPEC, NUM_SLOTS)
+    last.write_state(batch(random))
     for _ in range(steps):
         step(replay, last, batch(random), random.integers(4, size=NUM_SLOTS))
     return replay, last
@@ -178,7 +179,7 @@ def test_newest_end_with_the_last_transition() -> None:
 
 
 @pytest.mark.parametrize("steps", [2, 9])
-def test_goes_on_from_a_state(steps: int) -> None:
+def test_a_restored_replay_continues_as_before(steps: int) -> None:
     one, last = filled(0, steps=steps)
     two = Replay(SPEC, 20)
     two.load_state(one.state())

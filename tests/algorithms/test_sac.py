@@ -12,8 +12,8 @@ from torch.distributions import Normal, TanhTransform, TransformedDistribution
 from torch.nn import functional
 
 from ludus.algorithms.learner import LearnerSettings
+from ludus.algorithms.losses import discrete_soft_value, squashed_log_prob
 from ludus.algorithms.sac import SAC, Minibatch
-from ludus.algorithms.sac_losses import discrete_soft_value, squashed_log_prob
 from ludus.errors import ConfigError
 from ludus.networks.networks import Inputs
 from ludus.networks.policy import Policy
@@ -225,7 +225,7 @@ def test_discrete_value_by_hand() -> None:
     assert value.item() == pytest.approx(0.25 * 2.0 - 0.75 + 0.5 * expected)
 
 
-def test_bfloat16_is_near() -> None:
+def test_losses_in_bfloat16_are_near_those_in_float32() -> None:
     exact, mixed = learner(CONTINUOUS), learner(CONTINUOUS, is_mixed=True)
     one = exact._gradient_step(minibatch(CONTINUOUS))  # pyright: ignore[reportPrivateUsage]
     two = mixed._gradient_step(minibatch(CONTINUOUS))  # pyright: ignore[reportPrivateUsage]
@@ -278,7 +278,7 @@ def test_takes_the_gradient_steps_it_owes() -> None:
     assert sac.num_steps_left == 10
 
 
-def test_many_steps_at_once_count_alike() -> None:
+def test_gradient_steps_drawn_together_equal_single_ones() -> None:
     sac = learner(CONTINUOUS, replace(CONFIG, updates_per_step=40.0))
     play(sac, 10, learns=False)
     assert sac.update(0.0)["gradient_steps"] == 20 * 13
@@ -330,7 +330,7 @@ def test_other_actions_are_refused(action: Any) -> None:
 
 
 @pytest.mark.parametrize("policy", [CONTINUOUS, MASKED], ids=["continuous", "masked"])
-def test_goes_on_from_a_state_to_the_bit(policy: PolicySpec) -> None:
+def test_a_restored_learner_continues_to_the_bit(policy: PolicySpec) -> None:
     config = replace(CONFIG, updates_per_step=0.7)
     one, two = learner(policy, config), learner(policy, config)
     play(one, 10)

@@ -11,7 +11,7 @@ import pytest
 
 from ludus.engine import GodotFlags, bundled, executable_command
 from ludus.engine.bevy_build import bevy_example_names, build_bevy_example
-from ludus.engine.bevy_game import is_bevy_game
+from ludus.engine.exported import is_bevy_game
 from ludus.errors import SetupError, TargetError
 from ludus.target import Executable
 from tests.bevy.conftest import TARGET

@@ -14,9 +14,9 @@ import pytest
 from ludus.cli.main import main
 from ludus.engine.bundled import bevy_workspace
 from ludus.errors import EngineError, EngineTimeout, ParityError
-from ludus.export import bevy_runtime
-from ludus.export.bevy_runtime import BevyGame
+from ludus.export import engines
 from ludus.export.convert import to_model
+from ludus.export.engines import BevyGame
 from ludus.export.exporting import ExportConfig, export_policies
 from ludus.export.parity import ParityReport, PolicyFiles, measure_parity, require_parity
 from ludus.model import read_model
@@ -249,7 +249,7 @@ def test_a_file_that_bevy_refuses_is_an_error(
     def write_broken(folder: Path, *_: object) -> None:
         (folder / "request.json").write_text("{")
 
-    monkeypatch.setattr(bevy_runtime, "write_request", write_broken)
+    monkeypatch.setattr(engines, "write_request", write_broken)
     with pytest.raises(EngineError, match="does not run in Bevy") as error:
         measure(make_policy(SIMPLE), tmp_path, BevyGame(executable))
     assert "--no-parity" in error.value.hint
@@ -262,7 +262,7 @@ def test_a_game_that_takes_too_long_is_ended(
     stopped = tmp_path / "stopped"
     stopped.write_text(f'#!/bin/sh\nkill -STOP $$\nexec "{executable}" "$@"\n')
     stopped.chmod(0o755)
-    monkeypatch.setattr(bevy_runtime, "TIMEOUT_S", 0.5)
+    monkeypatch.setattr(engines, "TIMEOUT_S", 0.5)
     with pytest.raises(EngineTimeout, match=r"did not test the policy within 0\.5 s"):
         measure(make_policy(SIMPLE), tmp_path, BevyGame(stopped))
     assert left_processes() == []

@@ -111,7 +111,7 @@ def test_correct_frames_keep_every_rule() -> None:
 @pytest.mark.parametrize(
     ("title", "changes"),
     [
-        ("terminated and truncated never both", {"terminated": True, "truncated": True}),
+        ("terminated and truncated are never both true", {"terminated": True, "truncated": True}),
         ("final observations exactly where an episode ended", {"terminated": True}),
         ("outcomes only for agents that acted", {"reward": 1.0}),
         ("inactive agents observe zeros", {"active": False}),

@@ -60,13 +60,13 @@ def test_a_running_run_is_frozen_saved_and_stopped(
     running: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["control", "runs/r", "agent=frozen"]) == 0
-    assert capsys.readouterr().out == "runs/r has taken: agent=frozen\n"
+    assert capsys.readouterr().out == "runs/r accepted: agent=frozen\n"
     wait_until(lambda: learning()[-1] == 0.0)
     assert learning()[0] == 1.0
 
     before = len(list(Path("runs/r/checkpoints").glob("step-*")))
     assert main(["control", "agent=train", "--save"]) == 0  # the only run that is running
-    assert capsys.readouterr().out == "runs/r has taken: agent=train, save\n"
+    assert capsys.readouterr().out == "runs/r accepted: agent=train, save\n"
     wait_until(lambda: len(list(Path("runs/r/checkpoints").glob("step-*"))) > before)
     wait_until(lambda: learning()[-1] == 1.0)
 
@@ -83,7 +83,7 @@ def test_what_the_run_does_not_know_is_refused(
     running: Any, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for typed, text in (
-        (["runs/r"], "nothing was asked for"),
+        (["runs/r"], "nothing to change"),
         (["runs/r", "agnt=frozen"], "did you mean agent?"),
         (["runs/r", "hero=frozen"], "policies of the run: agent"),
         (["runs/r", "agent=forzen"], "did you mean frozen?"),
@@ -98,7 +98,9 @@ def test_what_the_run_does_not_know_is_refused(
 
 
 @pytest.mark.slow
-def test_a_run_that_dies_meanwhile(running: Any, capsys: pytest.CaptureFixture[str]) -> None:
+def test_requests_are_withdrawn_when_the_run_dies(
+    running: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
     import signal
     import threading
 

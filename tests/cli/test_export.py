@@ -27,8 +27,8 @@ def run(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("arguments", "exit_code", "what", "hint"),
     [
-        (["--to", "m.pt"], 2, "m.pt is no kind of file", "end it in .ludus.json"),
-        (["--to", "m.json"], 2, "m.json is no kind of file", "did you mean m.ludus.json?"),
+        (["--to", "m.pt"], 2, "cannot export to m.pt", "end it in .ludus.json"),
+        (["--to", "m.json"], 2, "cannot export to m.json", "did you mean m.ludus.json?"),
         (["--to", "m.onnx"], 2, "cannot all be written to m.onnx", "choose one by --policy"),
         (["--policy", "heero"], 2, "has no policy heero", "did you mean hero?"),
         (["--policy", "zzz"], 2, "has no policy zzz", "its policies: hero, mixed"),

@@ -43,7 +43,7 @@ def test_a_line_for_each_run_and_policy(runs: Path, capsys: pytest.CaptureFixtur
     assert "evaluation" not in lines[3]
 
 
-def test_json(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_lists_every_run(runs: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["runs", str(runs), "--json"]) == 0
     second, first = json.loads(capsys.readouterr().out)["runs"]
     assert (first["name"], first["state"], first["stop_reason"]) == (

@@ -216,7 +216,7 @@ def test_saved_settings_are_those_of_the_run() -> None:
     assert merge(command.layers) == TrainConfig("x", seed=3)
 
 
-def test_sparkline() -> None:
+def test_a_sparkline_fits_its_width() -> None:
     assert sparkline([0, 1, 2, 3, 4, 5, 6, 7]) == "▁▂▃▄▅▆▇█"
     assert sparkline([3, 3]) == "▁▁"
     assert sparkline([]) == ""

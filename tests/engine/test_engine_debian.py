@@ -1,4 +1,4 @@
-"""Route 5: Debian packages, with a pretended apt; and the launcher script."""
+"""Debian packages, with a pretended apt; and the launcher script."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from ludus.engine import apt
-from ludus.engine.debian import DebianRoute
+from ludus.engine.debian import debian_engine
+from ludus.engine.installing import InstallerUnavailable
 from ludus.engine.kinds import EngineKind
-from ludus.engine.launcher import find_program, write_launcher
-from ludus.engine.routes import RouteUnavailable
+from ludus.engine.prefix import find_program, write_launcher
 from ludus.errors import SetupError
 
 TARGETS = "Packages|Debian-Security|http://a/security\\nPackages|Debian|http://a/debian"
@@ -37,27 +37,26 @@ def write_tool(path: Path, body: str) -> None:
 def unpack(tmp_path: Path) -> None:
     folder = tmp_path / "into"
     folder.mkdir()
-    DebianRoute().unpack(
-        EngineKind.GODOT4, folder, rendering=False, progress=lambda _what, _fraction: None
-    )
+    installer = debian_engine(EngineKind.GODOT4, rendering=False)
+    installer.unpack(folder, lambda _what, _fraction: None)
 
 
-def test_without_apt_the_route_is_unavailable(bare_machine: Path, tmp_path: Path) -> None:
-    with pytest.raises(RouteUnavailable, match="no apt-get"):
+def test_without_apt_the_installer_is_unavailable(bare_machine: Path, tmp_path: Path) -> None:
+    with pytest.raises(InstallerUnavailable, match="no apt-get"):
         unpack(tmp_path)
 
 
-def test_without_keys_the_route_is_unavailable(
+def test_without_keys_the_installer_is_unavailable(
     tools: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(apt, "_KEYRINGS", (str(tmp_path / "none"),))
-    with pytest.raises(RouteUnavailable, match="signing keys"):
+    with pytest.raises(InstallerUnavailable, match="signing keys"):
         unpack(tmp_path)
 
 
-def test_without_a_debian_mirror_the_route_is_unavailable(tools: Path, tmp_path: Path) -> None:
+def test_without_a_debian_mirror_the_installer_is_unavailable(tools: Path, tmp_path: Path) -> None:
     write_tool(tools / "apt-get", "echo 'Packages|Ubuntu|http://a/ubuntu'")
-    with pytest.raises(RouteUnavailable, match="no Debian mirror"):
+    with pytest.raises(InstallerUnavailable, match="no Debian mirror"):
         unpack(tmp_path)
 
 
@@ -72,7 +71,7 @@ def test_mirror_comes_from_the_machine(tools: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("message", "error"),
     [
-        ("E: Failed to fetch x  Could not resolve", RouteUnavailable),
+        ("E: Failed to fetch x  Could not resolve", InstallerUnavailable),
         ("E: You don't have enough free space in /c.", SetupError),
     ],
 )
@@ -118,7 +117,7 @@ def start(launcher: Path, *arguments: str) -> tuple[bool, str]:
 
 def test_launcher_can_be_moved_and_keeps_its_pid(prefix: Path, tmp_path: Path) -> None:
     launcher = prefix.parent / "godot"
-    write_launcher(launcher, prefix, find_program(prefix, ["missing", "godot"]))
+    write_launcher(launcher, prefix, find_program(prefix, "godot"))
     moved = tmp_path / "second $place"
     shutil.move(prefix.parent, moved)
     (tmp_path / "link").symlink_to(moved / "godot")
@@ -142,8 +141,8 @@ def test_launcher_names_the_drivers_of_the_prefix(prefix: Path) -> None:
 
 
 def test_prefix_without_program_or_loader_is_an_error(prefix: Path) -> None:
-    with pytest.raises(SetupError, match="no godot3"):
-        find_program(prefix, ["godot3"])
+    with pytest.raises(SetupError, match="not contain the program godot3"):
+        find_program(prefix, "godot3")
     shutil.rmtree(prefix / "usr/lib64")
     with pytest.raises(SetupError, match="loader"):
         write_launcher(prefix.parent / "godot", prefix, prefix / "usr/bin/godot")

@@ -9,7 +9,7 @@ import pytest
 from engine_fakes import fake_godot
 
 from ludus.engine import version as version_module
-from ludus.engine.cache import CacheRecord
+from ludus.engine.cache import EngineRecord
 from ludus.engine.find import InstalledEngine, find_engine, list_engines
 from ludus.engine.kinds import EngineKind
 from ludus.engine.version import parse_version
@@ -22,7 +22,15 @@ def put_in_cache(tmp_path: Path, version: str, name: str) -> Path:
     folder = tmp_path / "cache" / "ludus" / "engines" / "godot4" / name
     program = fake_godot(folder / "godot", f"{version}.stable")
     numbers = tuple(int(part) for part in version.split("."))
-    CacheRecord(numbers, f"{version}.stable", "debian", False, "godot", "godot").write(folder)
+    record = EngineRecord(
+        version=numbers,
+        version_text=f"{version}.stable",
+        route="debian",
+        has_rendering=False,
+        executable="godot",
+        window_executable="godot",
+    )
+    record.write(folder)
     return program
 
 

@@ -15,25 +15,24 @@ import pytest
 
 from ludus.engine.find import find_engine
 from ludus.engine.install import install_engine
+from ludus.engine.installing import InstallerUnavailable, Progress, Unpacked
 from ludus.engine.kinds import EngineKind
-from ludus.engine.routes import Progress, RouteUnavailable, UnpackedEngine
 from ludus.errors import EngineNotFound, SetupError
 
 GODOT4 = EngineKind.GODOT4
 
 
 @dataclass
-class FakeRoute:
-    """A route that writes a script instead of an engine."""
+class FakeInstaller:
+    """An installer that writes a script instead of an engine."""
 
     act: Callable[[Path], None] | None = None
     version: str = "4.6.3.stable"
     name: str = "fake"
+    has_rendering: bool = False
     calls: list[Path] = field(default_factory=list[Path])
 
-    def unpack(
-        self, kind: EngineKind, folder: Path, *, rendering: bool, progress: Progress
-    ) -> UnpackedEngine:
+    def unpack(self, folder: Path, progress: Progress) -> Unpacked:
         self.calls.append(folder)
         progress("unpack", None)
         program = folder / "godot"
@@ -41,11 +40,11 @@ class FakeRoute:
         program.chmod(0o755)
         if self.act is not None:
             self.act(folder)
-        return UnpackedEngine(program, program, rendering)
+        return Unpacked(program, program, program, self.has_rendering)
 
 
 def refuse(_folder: Path) -> None:
-    raise RouteUnavailable("no network")
+    raise InstallerUnavailable("no network")
 
 
 @pytest.fixture
@@ -60,7 +59,7 @@ def visible(folder: Path) -> list[str]:
 def test_installed_engine_is_found(engines: Path) -> None:
     seen: list[str] = []
     installed = install_engine(
-        GODOT4, routes=[FakeRoute()], progress=lambda what, _fraction: seen.append(what)
+        GODOT4, installers=[FakeInstaller()], progress=lambda what, _fraction: seen.append(what)
     )
     assert find_engine(GODOT4) == installed
     assert installed.path == engines / "4.6.3-fake" / "godot"
@@ -70,39 +69,41 @@ def test_installed_engine_is_found(engines: Path) -> None:
 
 
 def test_present_engine_is_reused_unless_forced(engines: Path) -> None:
-    route = FakeRoute()
-    first = install_engine(GODOT4, routes=[route])
+    installer = FakeInstaller()
+    first = install_engine(GODOT4, installers=[installer])
     (first.path.parent / "old").touch()
-    assert install_engine(GODOT4, routes=[route]) == first
-    assert len(route.calls) == 1
-    assert install_engine(GODOT4, routes=[route], force=True) == first
-    assert len(route.calls) == 2
+    assert install_engine(GODOT4, installers=[installer]) == first
+    assert len(installer.calls) == 1
+    assert install_engine(GODOT4, installers=[installer], force=True) == first
+    assert len(installer.calls) == 2
     assert not (first.path.parent / "old").exists()
     assert visible(engines) == ["4.6.3-fake"]
 
 
 def test_rendering_is_an_installation_of_its_own(engines: Path) -> None:
-    route = FakeRoute()
-    install_engine(GODOT4, routes=[route])
-    rendering = install_engine(GODOT4, routes=[route], rendering=True)
+    install_engine(GODOT4, installers=[FakeInstaller()])
+    with_rendering = FakeInstaller(has_rendering=True)
+    rendering = install_engine(GODOT4, installers=[with_rendering], rendering=True)
     assert visible(engines) == ["4.6.3-fake", "4.6.3-fake-rendering"]
-    assert find_engine(GODOT4) == rendering == install_engine(GODOT4, routes=[])
+    assert find_engine(GODOT4) == rendering == install_engine(GODOT4, installers=[])
 
 
 def test_two_at_once_install_once(engines: Path) -> None:
-    route = FakeRoute(act=lambda _folder: time.sleep(0.3))
+    installer = FakeInstaller(act=lambda _folder: time.sleep(0.3))
     with ThreadPoolExecutor(2) as executor:
-        jobs = [executor.submit(install_engine, GODOT4, routes=[route]) for _ in range(2)]
+        jobs = [executor.submit(install_engine, GODOT4, installers=[installer]) for _ in range(2)]
         results = [job.result() for job in jobs]
     assert results[0] == results[1]
-    assert len(route.calls) == 1
+    assert len(installer.calls) == 1
 
 
-def test_next_route_is_tried_and_all_reasons_are_told(engines: Path) -> None:
-    unavailable = FakeRoute(act=refuse, name="first")
-    assert install_engine(GODOT4, routes=[unavailable, FakeRoute()]).source == "cache (fake)"
+def test_next_installer_is_tried_and_all_reasons_are_told(engines: Path) -> None:
+    unavailable = FakeInstaller(act=refuse, name="first")
+    assert (
+        install_engine(GODOT4, installers=[unavailable, FakeInstaller()]).source == "cache (fake)"
+    )
     with pytest.raises(SetupError) as caught:
-        install_engine(GODOT4, routes=[unavailable, unavailable], force=True)
+        install_engine(GODOT4, installers=[unavailable, unavailable], force=True)
     assert caught.value.message.count("first: no network") == 2
     assert "LUDUS_GODOT" in caught.value.hint
     assert visible(engines) == ["4.6.3-fake"]
@@ -114,7 +115,7 @@ def test_disk_errors_leave_nothing(engines: Path, code: int) -> None:
         raise OSError(code, "disk")
 
     with pytest.raises(SetupError) as caught:
-        install_engine(GODOT4, routes=[FakeRoute(act=fail)])
+        install_engine(GODOT4, installers=[FakeInstaller(act=fail)])
     assert ("free" in caught.value.hint) == (code == errno.ENOSPC)
     assert visible(engines) == []
 
@@ -122,21 +123,21 @@ def test_disk_errors_leave_nothing(engines: Path, code: int) -> None:
 @pytest.mark.parametrize("version", ["nonsense", "3.6.2.stable"])
 def test_engine_that_is_no_good_is_not_installed(engines: Path, version: str) -> None:
     with pytest.raises(SetupError):
-        install_engine(GODOT4, routes=[FakeRoute(version=version)])
+        install_engine(GODOT4, installers=[FakeInstaller(version=version)])
     assert visible(engines) == []
 
 
 KILLED_INSTALL = """
 import sys, time
 sys.path.insert(0, {tests!r})
-from test_engine_install import FakeRoute, GODOT4
+from test_engine_install import FakeInstaller, GODOT4
 from ludus.engine.install import install_engine
 
 def hang(folder):
     print("half", flush=True)
     time.sleep(60)
 
-install_engine(GODOT4, routes=[FakeRoute(act=hang)])
+install_engine(GODOT4, installers=[FakeInstaller(act=hang)])
 """
 
 
@@ -149,7 +150,7 @@ def test_killed_installation_is_not_taken_for_an_engine(engines: Path) -> None:
     assert len(visible(engines)) == 1
     with pytest.raises(EngineNotFound):
         find_engine(GODOT4)
-    install_engine(GODOT4, routes=[FakeRoute()])
+    install_engine(GODOT4, installers=[FakeInstaller()])
     assert visible(engines) == ["4.6.3-fake"]
 
 
@@ -158,4 +159,4 @@ def test_without_platformdirs_the_hint_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "platformdirs", None)
     with pytest.raises(SetupError, match="pip install"):
-        install_engine(GODOT4, routes=[FakeRoute()])
+        install_engine(GODOT4, installers=[FakeInstaller()])

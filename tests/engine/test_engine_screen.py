@@ -10,7 +10,7 @@ from engine_fakes import fake_godot
 
 from ludus.cli.main import main
 from ludus.engine import install_screen, with_display
-from ludus.engine.install_screen import replace_path
+from ludus.engine.prefix import replace_path
 from ludus.errors import SetupError
 
 FAKE = """\

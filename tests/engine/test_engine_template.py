@@ -12,11 +12,10 @@ from engine_fakes import fake_godot
 from ludus.cli import main
 from ludus.engine.doctor import FindingStatus, doctor
 from ludus.engine.find import InstalledEngine
-from ludus.engine.install import install_engine
-from ludus.engine.install_template import install_template
+from ludus.engine.install import install_engine, install_template
+from ludus.engine.installing import InstallerUnavailable, Progress, Unpacked
 from ludus.engine.kinds import EngineKind
 from ludus.engine.official import platform_key
-from ludus.engine.routes import Progress, RouteUnavailable, UnpackedEngine, UnpackedTemplate
 from ludus.engine.template import find_template, matching_template
 from ludus.engine.version import release_name
 from ludus.errors import ConfigError, SetupError
@@ -27,23 +26,22 @@ ENGINE = InstalledEngine(
 
 
 @dataclass
-class FakeTemplateRoute:
-    """A route that writes a script instead of a template; refuses if it has no version."""
+class FakeTemplateInstaller:
+    """An installer that writes a script instead of a template; refuses if it has no version."""
 
     version: str = "4.6.3.stable.official.abc"
     name: str = "official"
     needs_prefix: bool = False
-    calls: list[str] = field(default_factory=list[str])
+    calls: list[Path] = field(default_factory=list[Path])
 
-    def unpack_template(
-        self, release: str, folder: Path, *, progress: Progress
-    ) -> UnpackedTemplate:
-        self.calls.append(release)
+    def unpack(self, folder: Path, progress: Progress) -> Unpacked:
+        self.calls.append(folder)
         if not self.version:
-            raise RouteUnavailable("no network")
+            raise InstallerUnavailable("no network")
         prefix = folder / "prefix"
         program = fake_godot(prefix / "template", self.version)
-        return UnpackedTemplate(program, program, prefix if self.needs_prefix else None)
+        needed = prefix if self.needs_prefix else None
+        return Unpacked(program, program, program, prefix=needed)
 
 
 @pytest.fixture
@@ -71,21 +69,23 @@ def test_release_is_what_templates_are_named_after(text: str, expected: str) -> 
 
 
 def test_installed_template_is_found_and_reused(templates: Path) -> None:
-    route = FakeTemplateRoute()
-    installed = install_template(ENGINE, routes=[route])
+    installer = FakeTemplateInstaller()
+    installed = install_template(ENGINE, installers=[installer])
     assert installed.path == templates / "4.6.3.stable-official" / "prefix" / "template"
     assert (installed.prefix, installed.source) == (None, "cache (official)")
-    assert find_template(ENGINE) == installed == install_template(ENGINE, routes=[route])
-    assert route.calls == ["4.6.3.stable"]
-    assert install_template(ENGINE, routes=[route], force=True) == installed
-    assert len(route.calls) == 2
+    assert find_template(ENGINE) == installed == install_template(ENGINE, installers=[installer])
+    assert len(installer.calls) == 1
+    assert install_template(ENGINE, installers=[installer], force=True) == installed
+    assert len(installer.calls) == 2
     assert visible(templates) == ["4.6.3.stable-official"]
 
 
 def test_template_that_runs_anywhere_goes_first(templates: Path) -> None:
-    bound = install_template(ENGINE, routes=[FakeTemplateRoute(name="debian", needs_prefix=True)])
+    bound = install_template(
+        ENGINE, installers=[FakeTemplateInstaller(name="debian", needs_prefix=True)]
+    )
     assert bound.prefix == templates / "4.6.3.stable-debian" / "prefix"
-    free = install_template(ENGINE, routes=[FakeTemplateRoute(name="official")], force=True)
+    free = install_template(ENGINE, installers=[FakeTemplateInstaller(name="official")], force=True)
     assert find_template(ENGINE) == free
     assert visible(templates) == ["4.6.3.stable-debian", "4.6.3.stable-official"]
 
@@ -100,7 +100,7 @@ def test_template_of_the_editor_is_found(tmp_path: Path, bare_machine: Path) -> 
 
 
 def test_template_of_another_release_is_refused_with_its_version(templates: Path) -> None:
-    install_template(ENGINE, routes=[FakeTemplateRoute()])
+    install_template(ENGINE, installers=[FakeTemplateInstaller()])
     newer = replace(ENGINE, version=(4, 6, 4), version_text="4.6.4.stable.official.def")
     with pytest.raises(SetupError) as caught:
         find_template(newer)
@@ -109,12 +109,15 @@ def test_template_of_another_release_is_refused_with_its_version(templates: Path
     assert caught.value.hint.startswith("ludus engine install godot4 --templates")
 
 
-def test_routes_with_another_release_tell_which_and_leave_nothing(templates: Path) -> None:
-    routes = [FakeTemplateRoute(version=""), FakeTemplateRoute(version="4.7.stable", name="debian")]
+def test_installers_with_another_release_tell_which_and_leave_nothing(templates: Path) -> None:
+    installers = [
+        FakeTemplateInstaller(version=""),
+        FakeTemplateInstaller(version="4.7.stable", name="debian"),
+    ]
     with pytest.raises(SetupError) as caught:
-        install_template(ENGINE, routes=routes)
+        install_template(ENGINE, installers=installers)
     assert caught.value.message.splitlines() == [
-        f"no export template for /godot, which is {ENGINE.version_text}, could be installed:",
+        f"an export template for /godot ({ENGINE.version_text}) could not be installed:",
         "  official: no network",
         "  debian: its template is 4.7.stable, expected 4.6.3.stable",
     ]
@@ -124,13 +127,14 @@ def test_routes_with_another_release_tell_which_and_leave_nothing(templates: Pat
 
 def test_template_that_does_not_start_is_not_installed(templates: Path) -> None:
     with pytest.raises(SetupError, match="does not start"):
-        install_template(ENGINE, routes=[FakeTemplateRoute(version="nonsense")])
+        install_template(ENGINE, installers=[FakeTemplateInstaller(version="nonsense")])
     assert visible(templates) == []
 
 
 def test_broken_records_are_ignored(templates: Path) -> None:
-    good = install_template(ENGINE, routes=[FakeTemplateRoute()])
-    for name, text in [("a", "{"), ("b", "[]"), ("c", '{"route": "debian"}')]:
+    good = install_template(ENGINE, installers=[FakeTemplateInstaller()])
+    number = '{"version_text": 4, "route": "debian", "executable": 5, "prefix": ""}'
+    for name, text in [("a", "{"), ("b", "[]"), ("c", '{"route": "debian"}'), ("d", number)]:
         (templates / name).mkdir()
         (templates / name / "template.json").write_text(text)
     assert find_template(ENGINE) == good
@@ -140,7 +144,7 @@ def test_broken_records_are_ignored(templates: Path) -> None:
 
 def test_only_godot_4_has_templates(bare_machine: Path) -> None:
     with pytest.raises(ConfigError, match="not for Godot 3"):
-        install_template(replace(ENGINE, kind=EngineKind.GODOT3), routes=[])
+        install_template(replace(ENGINE, kind=EngineKind.GODOT3), installers=[])
 
 
 def test_list_and_doctor_show_the_template(
@@ -154,7 +158,7 @@ def test_list_and_doctor_show_the_template(
     assert "none to export games with 4.6.3.stable; there are: none" in finding.detail
     assert finding.hint == "to export games: ludus engine install godot4 --templates"
 
-    template = install_template(ENGINE, routes=[FakeTemplateRoute()])
+    template = install_template(ENGINE, installers=[FakeTemplateInstaller()])
     assert main(["engine", "list", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)[0]["template"] == str(template.path)
     assert main(["engine", "list"]) == 0
@@ -170,20 +174,18 @@ def test_list_and_doctor_show_the_template(
 def test_install_command_reports_both(
     templates: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    class FakeEngineRoute:
+    class FakeEngineInstaller:
         name = "fake"
 
-        def unpack(
-            self, kind: EngineKind, folder: Path, *, rendering: bool, progress: Progress
-        ) -> UnpackedEngine:
+        def unpack(self, folder: Path, progress: Progress) -> Unpacked:
             program = fake_godot(folder / "godot", "4.6.3.stable.fake")
-            return UnpackedEngine(program, program, has_rendering=False)
+            return Unpacked(program, program, program)
 
     def engine_of(kind: EngineKind, **options: object) -> InstalledEngine:
-        return install_engine(kind, routes=[FakeEngineRoute()])
+        return install_engine(kind, installers=[FakeEngineInstaller()])
 
     def template_of(engine: InstalledEngine, **options: object) -> object:
-        return install_template(engine, routes=[FakeTemplateRoute()])
+        return install_template(engine, installers=[FakeTemplateInstaller()])
 
     monkeypatch.setattr("ludus.engine.install_engine", engine_of)
     monkeypatch.setattr("ludus.engine.install_template", template_of)

@@ -48,25 +48,25 @@ def require_equal(policy: Policy, folder: Path) -> None:
 
 
 @pytest.mark.parametrize("activation", get_args(Activation))
-def test_activations(activation: Activation, tmp_path: Path) -> None:
+def test_every_activation_is_exported(activation: Activation, tmp_path: Path) -> None:
     require_equal(make_policy(SIMPLE, PPOConfig(activation=activation)), tmp_path)
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("spec", [SIMPLE, MIXED], ids=["simple", "mixed"])
-def test_variants(spec: PolicySpec, variant: str, tmp_path: Path) -> None:
+def test_every_kind_of_policy_is_exported(spec: PolicySpec, variant: str, tmp_path: Path) -> None:
     settings: dict[str, Any] = {"hidden_sizes": (16, 8), **VARIANTS[variant]}
     require_equal(make_policy(spec, PPOConfig(**settings)), tmp_path)
 
 
-def test_a_policy_of_sac(tmp_path: Path) -> None:
+def test_a_policy_of_sac_is_exported(tmp_path: Path) -> None:
     policy = make_policy(MIXED, SACConfig(hidden_sizes=(16, 8)))
     assert to_model(policy, policy.spec).distribution.is_squashed
     require_equal(policy, tmp_path)
 
 
 @pytest.mark.parametrize("shape", [(84, 84, 1), (2, 3, 36, 40, 2)], ids=str)
-def test_large_images_alone(shape: tuple[int, ...], tmp_path: Path) -> None:
+def test_a_policy_with_one_large_image_is_exported(shape: tuple[int, ...], tmp_path: Path) -> None:
     entries = (ObservationEntry("camera", "uint8", shape, 0, 255),)
     spec = dataclasses.replace(SIMPLE, observation=entries)
     require_equal(make_policy(spec, noise=0.01), tmp_path)
@@ -149,6 +149,6 @@ def test_onnx_metadata_tell_the_spec() -> None:
 @pytest.mark.parametrize("name", RESERVED)
 def test_onnx_refuses_entries_with_names_of_its_own(name: str) -> None:
     spec = dataclasses.replace(SIMPLE, observation=(ObservationEntry(name, "float32", (3,)),))
-    with pytest.raises(RunError, match=f"entry called {name}") as error:
+    with pytest.raises(RunError, match=f"entry {name} has the name of another") as error:
         to_onnx(to_model(make_policy(spec), spec))
     assert "rename" in error.value.hint

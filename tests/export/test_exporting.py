@@ -101,7 +101,7 @@ def test_specs_of_checkpoints_are_read_back(spec: PolicySpec) -> None:
         ("{policy}/best.ludus.json", ["a/best.ludus.json", "b-c/best.ludus.json"]),
     ],
 )
-def test_places(to: str | None, expected: list[str]) -> None:
+def test_to_names_a_file_a_folder_or_a_pattern(to: str | None, expected: list[str]) -> None:
     assert place_files(["a", "b/c"], to, RUN) == [Path(path) for path in expected]
 
 
@@ -130,7 +130,7 @@ def test_two_policies_never_share_a_file() -> None:
     ],
 )
 def test_unknown_formats_are_refused(to: str, hint: str, run: Path) -> None:
-    with pytest.raises(ConfigError, match="no kind of file") as error:
+    with pytest.raises(ConfigError, match="unknown format") as error:
         export_policies(ExportConfig(run=run, to=to, is_tested=False))
     assert hint in error.value.hint
 
@@ -138,7 +138,7 @@ def test_unknown_formats_are_refused(to: str, hint: str, run: Path) -> None:
 # --- bad runs -----------------------------------------------------------------------------------
 
 
-def test_no_run_no_policy_no_checkpoint(run: Path, tmp_path: Path) -> None:
+def test_a_missing_run_policy_or_checkpoint_is_refused(run: Path, tmp_path: Path) -> None:
     with pytest.raises(CheckpointError, match="is not a run") as error:
         write_policies(tmp_path, tmp_path)
     assert error.value.hint

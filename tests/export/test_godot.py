@@ -12,15 +12,15 @@ import torch
 
 from ludus.engine import InstalledEngine
 from ludus.errors import EngineError, EngineTimeout, ParityError
-from ludus.export import godot_runtime
+from ludus.export import engines as engine_runtimes
 from ludus.export.convert import to_model
+from ludus.export.engines import REQUEST
 from ludus.export.parity import (
     ParityReport,
     PolicyFiles,
     measure_parity,
     require_parity,
 )
-from ludus.export.parity_files import REQUEST
 from ludus.model.json_file import write_model
 from ludus.networks.policy import Policy
 from ludus.settings.train_config import PolicyConfig, PPOConfig, SACConfig
@@ -37,7 +37,7 @@ ATARI = dataclasses.replace(
 
 def engines() -> list[int]:
     """Return the ids of the parity tests in Godot that we have started."""
-    script = str(godot_runtime.SCRIPT)
+    script = str(engine_runtimes.SCRIPT)
     return [process.pid for process in started_processes() if script in command_of(process)]
 
 
@@ -88,7 +88,7 @@ def test_a_file_that_godot_refuses_is_an_error(
     godot4: InstalledEngine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     policy = make_policy(SIMPLE)
-    monkeypatch.setattr(godot_runtime, "write_request", write_broken_request)
+    monkeypatch.setattr(engine_runtimes, "write_request", write_broken_request)
     with pytest.raises(EngineError, match="does not run in Godot") as error:
         measure(policy, tmp_path, godot4)
     assert "is not JSON" in error.value.message
@@ -113,7 +113,7 @@ def test_an_engine_that_takes_too_long_is_ended(
     program = godot4.executable(headless=True)
     stopped.write_text(f'#!/bin/sh\nkill -STOP $$\nexec "{program}" "$@"\n')
     stopped.chmod(0o755)
-    monkeypatch.setattr(godot_runtime, "TIMEOUT_S", 0.5)
+    monkeypatch.setattr(engine_runtimes, "TIMEOUT_S", 0.5)
     with pytest.raises(EngineTimeout, match="did not test the policy within") as error:
         measure(make_policy(SIMPLE), tmp_path, dataclasses.replace(godot4, path=stopped))
     assert "--no-parity" in error.value.hint

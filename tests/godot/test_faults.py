@@ -254,7 +254,7 @@ def test_a_scene_that_hangs_when_it_is_made(game: Game) -> None:
     reset(game.open())  # the project is imported now
     game.close()
     began = time.monotonic()
-    with pytest.raises(EngineStartError, match=r"(?s)did not tell its spec.*start_timeout_s"):
+    with pytest.raises(EngineStartError, match=r"(?s)did not send its spec.*start_timeout_s"):
         game.open("hangs", start_timeout_s=6.0)
     assert time.monotonic() - began < 18.0
     assert game.engines() == []

@@ -17,8 +17,8 @@ from ludus.engine import (
     godot_command,
     read_project,
 )
+from ludus.engine.project import RUN_SCENE
 from ludus.link import Link, Listener
-from ludus.session.opening import RUN_SCENE
 from ludus.wire.frames import FrameType
 from tests.godot.simulation_games import write_project
 from tests.wire.golden import load

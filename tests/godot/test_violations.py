@@ -18,8 +18,8 @@ from ludus.engine import (
     godot_command,
     read_project,
 )
+from ludus.engine.project import RUN_SCENE
 from ludus.link import Link, LinkClosed, Listener
-from ludus.session.opening import RUN_SCENE
 from ludus.wire.frames import FrameType
 from tests.godot.conftest import Game
 from tests.wire.golden import load

@@ -17,7 +17,7 @@ from ludus.cli import main
 from ludus.engine import EngineKind, InstalledEngine, find_engine
 from ludus.engine.bundled import runnable_bundled_root
 from ludus.errors import EngineCrashed
-from ludus.export import godot_runtime
+from ludus.export import engines as engine_runtimes
 from ludus.export.convert import to_model
 from ludus.export.parity import PolicyFiles, measure_parity, require_parity
 from ludus.model import PolicyModel, write_model
@@ -56,7 +56,7 @@ def nothing_is_left() -> Iterator[None]:
 
 def godots() -> list[int]:
     """Return the ids of all Godot 3 processes that play or test policies of these tests."""
-    words = (str(godot_runtime.SCRIPT3), "--ludus-report")
+    words = (str(engine_runtimes.SCRIPT3), "--ludus-report")
     return [
         process.pid
         for process in psutil.process_iter(["cmdline", "status", "ppid"])

@@ -95,7 +95,7 @@ def test_rewards_of_inactive_agents_do_not_count() -> None:
     ("specs", "text"),
     [
         ({"solo": spec("solo")}, "solo is the only agent of a world"),
-        ({"a": spec("a"), "b": spec("b", episode="agent")}, "those of policy b are not"),
+        ({"a": spec("a"), "b": spec("b", episode="agent")}, "those of policy b do not"),
     ],
 )
 def test_games_without_two_teams_are_refused(specs: dict[str, PolicySpec], text: str) -> None:
@@ -198,7 +198,7 @@ def test_the_pool_keeps_the_newest_and_those_that_play() -> None:
 
 
 @pytest.mark.parametrize(("sampling", "best"), [("recent", 90), ("rating", 30), ("uniform", None)])
-def test_sampling(sampling: Any, best: int | None) -> None:
+def test_opponents_are_sampled_as_configured(sampling: Any, best: int | None) -> None:
     one = league(DUEL, sampling=sampling, max_opponents=1, snapshot_every_updates=10)
     for updates in range(0, 100, 10):
         one.advance(updates)
@@ -215,7 +215,7 @@ def test_sampling(sampling: Any, best: int | None) -> None:
         assert counts[0 if best == 90 else 90] < counts[best] / 3
 
 
-def test_a_league_goes_on_to_the_bit() -> None:
+def test_a_restored_league_continues_to_the_bit() -> None:
     first, second = league(DUEL, max_opponents=2), league(DUEL, max_opponents=2)
     over = {"terminated": dict.fromkeys(DUEL, np.ones(WORLDS, np.bool_))}
     for updates in (0, 20, 40):

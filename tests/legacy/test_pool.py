@@ -29,7 +29,7 @@ def pool_places(pool: EnginePool, *values: float) -> list[float]:
     return places(pool.step(move(*values))["agent"].observation["observation"])
 
 
-def test_two_games_at_once(walk: Walk) -> None:
+def test_pool_steps_two_games(walk: Walk) -> None:
     with walk.pool(num_engines=2, max_episode_steps=4) as pool:
         assert (pool.num_engines, pool.num_agents("agent")) == (2, 2)
         pool.reset(seed=3)
@@ -44,7 +44,7 @@ def test_two_games_at_once(walk: Walk) -> None:
         assert pool.times(1).engine_us > 0
 
 
-def test_a_game_that_dies_is_started_again(walk: Walk, tmp_path: Path) -> None:
+def test_dead_game_is_restarted(walk: Walk, tmp_path: Path) -> None:
     with walk.pool(num_engines=2, max_restarts=1, log_dir=tmp_path) as pool:
         pool.reset()
         pool_places(pool, 0.25, 0.25)
@@ -59,7 +59,7 @@ def test_a_game_that_dies_is_started_again(walk: Walk, tmp_path: Path) -> None:
     assert "Godot Engine v3" in (tmp_path / "engine-0.log").read_text()
 
 
-def test_one_environment(walk: Walk) -> None:
+def test_make_is_one_environment(walk: Walk) -> None:
     env = ludus.make(walk.target, **walk.settings)
     observation, info = env.reset(seed=1)
     assert (places(observation[None]), info) == ([0.0], {})
@@ -74,12 +74,12 @@ def test_one_environment(walk: Walk) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:.*A Box observation space")
-def test_gymnasiums_checker(walk: Walk) -> None:
+def test_gymnasium_checker_passes(walk: Walk) -> None:
     with ludus.make(walk.target, max_episode_steps=50, **walk.settings) as env:
         check_env(env, skip_render_check=True)
 
 
-def test_environments_side_by_side(walk: Walk) -> None:
+def test_make_vec_is_several_environments(walk: Walk) -> None:
     envs = ludus.make_vec(walk.target, num_engines=2, max_episode_steps=3, **walk.settings)
     assert envs.num_envs == 2
     envs.reset(seed=1)
@@ -104,7 +104,7 @@ def test_parameters_reach_the_game(projects: dict[str, Path]) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_training(projects: dict[str, Path], kind: str, tmp_path: Path) -> None:
+def test_ppo_trains_on_two_games(projects: dict[str, Path], kind: str, tmp_path: Path) -> None:
     """A few updates of PPO, with the trainer itself, on two games at once."""
     config = TrainConfig(
         target=kind,

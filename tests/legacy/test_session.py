@@ -64,7 +64,7 @@ def test_the_spec_is_what_was_declared(session: Session) -> None:
     ]
 
 
-def test_truncation(walk: Walk) -> None:
+def test_max_episode_steps_truncates(walk: Walk) -> None:
     session = walk.session(max_episode_steps=3)
     assert session.spec.policies[0].max_episode_steps == 3
     begin(session)
@@ -87,7 +87,7 @@ def test_an_end_at_the_limit_is_no_truncation(walk: Walk) -> None:
     session.close()
 
 
-def test_a_reset_in_the_middle(session: Session) -> None:
+def test_reset_in_the_middle_begins_an_episode(session: Session) -> None:
     begin(session)
     step(session, 0.25)
     assert place_of(begin(session)) == 0.0
@@ -110,7 +110,7 @@ def test_times_are_measured(session: Session) -> None:
         assert wait_us >= 0
 
 
-def test_what_is_out_of_turn(session: Session) -> None:
+def test_calls_out_of_turn_are_refused(session: Session) -> None:
     with pytest.raises(SequenceError, match="before the first reset"):
         session.send(move(0.0))
     with pytest.raises(SequenceError, match="nothing to receive"):
@@ -144,7 +144,7 @@ def test_bad_actions_do_no_harm(session: Session) -> None:
     assert place_of(step(session, 0.25)) == 0.5
 
 
-def test_requests_for_other_worlds(session: Session) -> None:
+def test_requests_for_several_worlds_are_refused(session: Session) -> None:
     with pytest.raises(UsageError, match="reset of 2 worlds, the game has 1"):
         session.reset(ResetRequest.all_worlds(2, 0))
     with pytest.raises(UsageError, match="parameters for 2 worlds"):
@@ -154,7 +154,7 @@ def test_requests_for_other_worlds(session: Session) -> None:
     assert place_of(begin(session)) == 0.0
 
 
-def test_what_these_games_never_ask(session: Session) -> None:
+def test_session_has_no_requests(session: Session) -> None:
     begin(session)
     assert (session.has_requests, session.take_requests()) == (False, [])
     session.show_status({"agent_steps": 0, "updates": 0, "policies": {}})
@@ -200,7 +200,7 @@ NO_NUMBER = r"observation.* does not fit observation_space: nan at \[0\]"
         ("json", "quit", EngineCrashed, "exit code 9"),
     ],
 )
-def test_games_that_go_wrong(
+def test_faults_raise_their_error(
     projects: dict[str, Path],
     monkeypatch: pytest.MonkeyPatch,
     kind: str,
@@ -223,7 +223,7 @@ def too_much(_: State) -> float:
 
 
 @pytest.mark.filterwarnings("ignore:overflow encountered")
-def test_a_reward_that_is_not_finite(projects: dict[str, Path]) -> None:
+def test_infinite_reward_is_an_error(projects: dict[str, Path]) -> None:
     """The session looks, too: finite is what float32 holds."""
     session = walk_of("json", projects).session(get_reward=too_much)
     begin(session)

@@ -39,7 +39,7 @@ def test_every_bridge_is_known_to_the_commands() -> None:
     ],
 )
 @pytest.mark.parametrize("prefix", SETTINGS)
-def test_settings_that_cannot_be(prefix: str, given: dict[str, Any], what: str) -> None:
+def test_unusable_settings_are_refused(prefix: str, given: dict[str, Any], what: str) -> None:
     settings = {**SETTINGS[prefix], **given}
     with pytest.raises(ConfigError, match=what) as caught:
         ludus.make_vec(f"{prefix}127.0.0.1:1", **settings)
@@ -48,7 +48,7 @@ def test_settings_that_cannot_be(prefix: str, given: dict[str, Any], what: str) 
 
 
 @pytest.mark.parametrize("prefix", SETTINGS)
-def test_what_must_be_declared(prefix: str) -> None:
+def test_spaces_must_be_declared(prefix: str) -> None:
     with pytest.raises(ConfigError, match=r"action_space, observation_space.* must be given") as no:
         ludus.make(f"{prefix}nowhere")
     assert f"ludus.make('{prefix}PATH', action_space=…)" in no.value.hint
@@ -57,12 +57,12 @@ def test_what_must_be_declared(prefix: str) -> None:
 
 @pytest.mark.parametrize("address", ["nowhere", "", "127.0.0.1:65536", "127.0.0.1:"])
 @pytest.mark.parametrize("prefix", SETTINGS)
-def test_places_that_are_not_there(prefix: str, address: str) -> None:
+def test_missing_address_is_refused(prefix: str, address: str) -> None:
     with pytest.raises(TargetError, match="no project and no scene"):
         ludus.make(prefix + address, **SETTINGS[prefix])
 
 
-def test_a_folder_without_a_project(tmp_path: Path) -> None:
+def test_folder_without_a_project_is_refused(tmp_path: Path) -> None:
     with pytest.raises(TargetError, match=r"project\.godot"):
         ludus.make(f"gymgodot:{tmp_path}", **GYMGODOT)
     (tmp_path / "notes.txt").touch()
@@ -70,7 +70,7 @@ def test_a_folder_without_a_project(tmp_path: Path) -> None:
         ludus.make(f"godot_gym_api:{tmp_path}/notes.txt", **GODOT_GYM_API)
 
 
-def test_games_that_would_share_a_port(tmp_path: Path) -> None:
+def test_games_cannot_share_a_port(tmp_path: Path) -> None:
     own = {name: value for name, value in GODOT_GYM_API.items() if name != "engine_address"}
     for target in ("127.0.0.1:9090", str(tmp_path)):
         with pytest.raises(ConfigError, match="2 games cannot share one port") as caught:
@@ -82,7 +82,7 @@ def test_games_that_would_share_a_port(tmp_path: Path) -> None:
             ludus.make_vec("gymgodot:127.0.0.1:8000", num_engines=2, **settings)
 
 
-def test_two_ways_to_start_a_game(tmp_path: Path) -> None:
+def test_two_ways_to_start_a_game_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"both .* and exeCmd are given"):
         ludus.make(f"gymgodot:{tmp_path}", exeCmd="true", **GYMGODOT)
     with pytest.raises(ConfigError, match="both target and command are given"):
@@ -96,7 +96,7 @@ def test_other_machines_are_kept_out() -> None:
         ludus.make("gymgodot:0.0.0.0:8000", **GYMGODOT)
 
 
-def test_nobody_at_an_address() -> None:
+def test_address_without_a_game_times_out() -> None:
     own = {name: value for name, value in GODOT_GYM_API.items() if name != "engine_address"}
     with pytest.raises(EngineStartError, match=r"no game listened at 127\.0\.0\.1:1 within 0\.5 s"):
         ludus.make("godot_gym_api:127.0.0.1:1", start_timeout_s=0.5, **own)
@@ -104,7 +104,7 @@ def test_nobody_at_an_address() -> None:
         ludus.make("gymgodot:127.0.0.1:0", start_timeout_s=0.5, **GYMGODOT)
 
 
-def test_settings_of_bridges_are_of_no_use_elsewhere() -> None:
+def test_settings_of_bridges_are_refused_elsewhere() -> None:
     with pytest.raises(LudusError, match=r"unknown setting.*action_space"):
         ludus.make("cartpole", action_space=spaces.Discrete(2))
     config = ludus.PoolConfig(bridge={"action_space": spaces.Box(-1.0, 1.0, (1,), np.float32)})
@@ -114,7 +114,7 @@ def test_settings_of_bridges_are_of_no_use_elsewhere() -> None:
 
 @pytest.mark.parametrize("command", ["train", "play --headless --random", "check", "bench"])
 @pytest.mark.parametrize("prefix", SETTINGS)
-def test_commands_say_what_to_do(
+def test_commands_point_to_gym_ids(
     prefix: str,
     command: str,
     tmp_path: Path,

@@ -10,7 +10,7 @@ import pytest
 from gymnasium import spaces
 
 from ludus.errors import ActionError, ConfigError, GameError, ProtocolError, TargetError
-from ludus.legacy.game import Declaration, Outcome
+from ludus.legacy.game import Declaration, LegacyGame, Outcome
 from ludus.legacy.session import LegacySession
 from ludus.spec.batch import ActionBatch, Batch
 from ludus.wire.reset import ResetRequest
@@ -18,10 +18,8 @@ from ludus.wire.reset import ResetRequest
 LIVES = (2, 4, 3)
 
 
-class Countdown:
+class Countdown(LegacyGame):
     """A game in Python: agent *i* sees its step, and ends in step ``LIVES[i]``."""
-
-    methods: Mapping[str, Any] = {}
 
     def __init__(self, **changes: Any) -> None:
         declared: dict[str, Any] = {
@@ -32,7 +30,7 @@ class Countdown:
             "action_space": spaces.MultiDiscrete([2, 3], start=[1, 0]),
             "num_agents": len(LIVES),
         }
-        self.declaration = Declaration(**{**declared, **changes})
+        super().__init__(Declaration(**{**declared, **changes}))
         self.answers = len(LIVES)
         self.seen: list[Sequence[Any]] = []
         self.resets: list[tuple[int | None, Mapping[str, Any] | None]] = []
@@ -75,7 +73,7 @@ def step(session: LegacySession) -> Batch:
     return session.receive()["agent"]
 
 
-def test_who_ends_first_waits_for_the_others() -> None:
+def test_agent_that_ends_early_waits() -> None:
     game, session = opened()
     (policy,) = session.spec.policies
     assert (policy.episode, policy.agents_per_world, policy.nvec) == ("world", 3, (2, 3))
@@ -103,7 +101,7 @@ def test_who_ends_first_waits_for_the_others() -> None:
     assert step(session).reward.tolist() == [1.0, 2.0, 3.0]
 
 
-def test_actions_of_who_waits_are_not_sent() -> None:
+def test_waiting_agents_send_no_actions() -> None:
     game, session = opened()
     begin(session)
     for _ in range(4):
@@ -126,7 +124,7 @@ def test_truncation_ends_all_at_once() -> None:
     assert len(game.resets) == 2
 
 
-def test_an_answer_for_another_number_of_agents() -> None:
+def test_wrong_number_of_agents_is_refused() -> None:
     game, session = opened()
     begin(session)
     game.answers = 2
@@ -135,7 +133,7 @@ def test_an_answer_for_another_number_of_agents() -> None:
     assert game.closings == 1
 
 
-def test_an_observation_that_does_not_fit() -> None:
+def test_misfitting_observation_closes_the_game() -> None:
     space = spaces.Dict({"step": spaces.Box(0.0, 9.0, (3,)), "agent": spaces.Box(0, 9, (2,))})
     game, session = opened(observation_space=space)
     with pytest.raises(GameError, match="observation of agent 0 does not fit"):
@@ -143,7 +141,7 @@ def test_an_observation_that_does_not_fit() -> None:
     assert game.closings == 1
 
 
-def test_what_cannot_be_declared() -> None:
+def test_untrainable_spaces_are_refused() -> None:
     for changes, error in (
         ({"num_agents": 0}, ConfigError),
         ({"observation_space": spaces.Discrete(3)}, TargetError),
@@ -155,7 +153,7 @@ def test_what_cannot_be_declared() -> None:
         assert game.closings == 1
 
 
-def test_bits_are_choices_of_two() -> None:
+def test_multi_binary_is_choices_of_two() -> None:
     game, session = opened(action_space=spaces.MultiBinary(2))
     assert session.spec.policies[0].nvec == (2, 2)
     begin(session)

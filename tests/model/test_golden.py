@@ -26,7 +26,7 @@ def test_the_file_holds_the_model(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_cases(name: str) -> None:
+def test_numpy_computes_the_golden_cases(name: str) -> None:
     model = read_model(model_path(name))
     runner, cases = ModelRunner(model), read_cases(name)
     memory = np.zeros((cases["num_agents"], runner.memory_size), np.float32)

@@ -25,7 +25,7 @@ def described(model: PolicyModel) -> str:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_round_trip(name: str, tmp_path: Path) -> None:
+def test_a_policy_is_read_as_it_was_written(name: str, tmp_path: Path) -> None:
     model = MODELS[name]()
     path = tmp_path / "a.ludus.json"
     write_model(path, model)
@@ -119,7 +119,7 @@ MISTAKES: dict[str, tuple[Change, str]] = {
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_mistake_is_named(mistake: str) -> None:
+def test_a_mistake_names_the_field(mistake: str) -> None:
     change, expected = MISTAKES[mistake]
     value = to_json(gru())
     change(value)
@@ -128,7 +128,7 @@ def test_a_mistake_is_named(mistake: str) -> None:
     assert caught.value.message.startswith("policy file: " + expected), caught.value.message
 
 
-def test_mistakes_in_convolutions_are_named() -> None:
+def test_mistakes_in_convolutions_name_the_field() -> None:
     value = to_json(MODELS["camera"]())
     layer = value["images"][0]["convolutions"][1]
     for key, wrong, expected in [

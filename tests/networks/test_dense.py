@@ -6,8 +6,15 @@ import pytest
 import torch
 from torch import nn
 
+from ludus.networks import dense
 from ludus.networks.dense import accelerate, has_onednn
 from ludus.networks.networks import perceptron
+
+
+@pytest.fixture(autouse=True)
+def on_any_processor(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dense, "is_worthwhile", has_onednn)
+
 
 needs_onednn = pytest.mark.skipif(not has_onednn(), reason="PyTorch was built without oneDNN")
 
@@ -52,3 +59,17 @@ def test_what_onednn_cannot_do_stays_as_it_is() -> None:
 def test_small_networks_stay_as_they_are() -> None:
     network = perceptron((20, 64, 64, 1), "relu", 1.0)
     assert accelerate(network) is network
+
+
+@needs_onednn
+def test_where_onednn_is_slower_networks_stay_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    network = perceptron((20, 200, 200, 1), "relu", 1.0)
+    assert accelerate(network) is not network
+    monkeypatch.setattr(dense, "is_worthwhile", lambda: False)
+    assert accelerate(network) is network
+
+
+def test_a_pytorch_without_the_private_operator_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.backends.mkldnn, "is_available", lambda: True)
+    monkeypatch.setattr(torch.ops, "mkldnn", object(), raising=False)
+    assert not has_onednn()

@@ -77,6 +77,8 @@ def test_a_run_plays_what_it_was_trained_in(films: Path) -> None:
     for arguments in ([str(run)], [TARGET, "--policy", str(run)]):
         assert main(["record", *arguments, "--episodes", "1", "--out", str(out)]) == 0
         assert 2 <= len(read_ticks(out)) <= 13
+    assert main(["record", str(run), "--random", "--episodes", "1", "--out", str(out)]) == 0
+    assert 2 <= len(read_ticks(out)) <= 13
 
 
 @pytest.mark.screen

@@ -26,7 +26,7 @@ def checkpoint(steps: int = 10, mean_return: float | None = None) -> Checkpoint:
     return Checkpoint(steps, mean_return, {"hero": state}, {}, {"hero": "x"}, {"seed": 1}, {"u": 2})
 
 
-def test_comes_back_as_it_was(tmp_path: Path) -> None:
+def test_a_checkpoint_is_read_as_it_was_written(tmp_path: Path) -> None:
     write_checkpoint(tmp_path / "c", checkpoint(mean_return=1.5))
     loaded = read_checkpoint(tmp_path / "c")
     assert (loaded.agent_steps, loaded.mean_return, loaded.run) == (10, 1.5, {"u": 2})
@@ -90,7 +90,7 @@ def other_format(path: Path) -> None:
 @pytest.mark.parametrize(
     ("damage", "text"),
     [
-        (damage_tensors, "is corrupt: tensors.safetensors is not what was saved"),
+        (damage_tensors, "is corrupt: tensors.safetensors has changed"),
         (cut_state, "is corrupt: state.json"),
         (empty_state, "is corrupt: KeyError"),
         (other_format, "has format 99, this version reads 2"),
@@ -164,7 +164,7 @@ def test_a_corrupt_checkpoint_of_the_same_step_is_replaced(tmp_path: Path, write
     assert path.with_name(f"unloadable-{path.name}").is_dir()
 
 
-def test_nothing_to_load(tmp_path: Path) -> None:
+def test_an_empty_folder_has_no_checkpoint(tmp_path: Path) -> None:
     with pytest.raises(CheckpointError, match="no checkpoint in"):
         CheckpointStore(tmp_path, keep=1).newest()
     with pytest.raises(CheckpointError, match="there is no checkpoint"):

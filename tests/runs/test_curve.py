@@ -52,7 +52,7 @@ def test_curves_of_several_policies(tmp_path: Path) -> None:
     assert {(37, 99, 235), (234, 88, 12)} <= colours
 
 
-def test_nothing_to_draw(tmp_path: Path) -> None:
+def test_without_episodes_no_curve_is_drawn(tmp_path: Path) -> None:
     assert not draw_learning_curve(tmp_path / "none.jsonl", tmp_path / "curve.png", "nothing")
     metrics = write_metrics(tmp_path / "metrics.jsonl", 3)
     assert not draw_learning_curve(metrics, tmp_path / "curve.png", "no episode ended")

@@ -12,9 +12,8 @@ import pytest
 
 from ludus.errors import DivergenceError
 from ludus.runs.control import StopRequest
-from ludus.runs.metrics_sample import sample_metrics
 from ludus.runs.run_folder import RunFolder
-from ludus.runs.run_list import list_runs, running_runs
+from ludus.runs.run_list import list_runs, running_runs, sample_metrics
 from ludus.training.loop import train
 from tests.runs.test_control import Asking
 
@@ -159,7 +158,7 @@ def test_the_last_one_started_comes_first(small: Any) -> None:
     assert [summary.path.name for summary in list_runs(runs[0].parent)] == ["b", "a", "c"]
 
 
-def test_a_held_run_is_running(small: Any) -> None:
+def test_a_locked_run_is_running(small: Any) -> None:
     run = train(small()).run
     with RunFolder(run).locked():
         (summary,) = list_runs(run.parent)

@@ -35,7 +35,7 @@ from tests.wire.reference import decode_reset, decode_step, encode_batch, frame,
 # An engine that keeps the rules
 
 
-def test_the_conversation(open_with: Opener) -> None:
+def test_frames_are_exchanged_in_the_order_of_the_protocol(open_with: Opener) -> None:
     session = open_with(obedient)
     assert session.spec.num_worlds == 3
     assert session.hello.engine == "godot 4.6.3"
@@ -51,7 +51,7 @@ def test_the_conversation(open_with: Opener) -> None:
     assert names == ["WELCOME", "RESET", "STEP", "STEP", "STEP", "CLOSE"]
 
 
-def test_the_engine_gets_what_was_asked(open_with: Opener) -> None:
+def test_seeds_parameters_and_actions_reach_the_engine(open_with: Opener) -> None:
     session = open_with(obedient, POLICIES)
     session.reset(ResetRequest.all_worlds(2, 2**64 - 1, [{"a": 1}, None]))
     actions = zeros(session)
@@ -69,7 +69,7 @@ def test_the_engine_gets_what_was_asked(open_with: Opener) -> None:
     assert hero == {"discrete": [[3], [1]], "continuous": [[0.0] * 3, [0.25, -0.5, 1.0]]}
 
 
-def test_an_engine_that_drips(open_with: Opener) -> None:
+def test_frames_that_arrive_byte_by_byte_are_read(open_with: Opener) -> None:
     def drip(talk: Talk) -> None:
         raw = talk.raw
 
@@ -92,7 +92,7 @@ def test_times_are_those_of_the_last_step(open_with: Opener) -> None:
     assert (times.tick, times.engine_us, times.bridge_us, times.wait_us) == (77, 1, 2, 3)
 
 
-def test_calls(open_with: Opener) -> None:
+def test_a_call_returns_its_value_or_raises_the_error_of_the_game(open_with: Opener) -> None:
     answers = [b'{"id": 1, "value": [2.5]}', b'{"id": 2.0, "error": "no such wind"}', b'{"id": 3}']
     session = open_with(answering(*[frame("RESULT", answer) for answer in answers]))
     assert session.call({"world": 0}, "get_wind", [1]) == [2.5]
@@ -115,7 +115,7 @@ def test_the_result_of_another_call_is_refused(open_with: Opener) -> None:
     assert_ended(session)
 
 
-def test_closing_twice(open_with: Opener) -> None:
+def test_close_may_be_called_twice(open_with: Opener) -> None:
     session = open_with(obedient)
     session.close()
     session.close()
@@ -125,7 +125,7 @@ def test_closing_twice(open_with: Opener) -> None:
 # A caller that breaks the rules
 
 
-def test_step_before_reset(open_with: Opener) -> None:
+def test_step_before_reset_is_refused(open_with: Opener) -> None:
     session = open_with(obedient)
     with pytest.raises(SequenceError, match="step before the first reset"):
         session.send(zeros(session))
@@ -133,7 +133,7 @@ def test_step_before_reset(open_with: Opener) -> None:
     step(session)
 
 
-def test_receive_without_send(open_with: Opener) -> None:
+def test_receive_without_send_is_refused(open_with: Opener) -> None:
     session = open_with(obedient)
     for prepare in (lambda: None, lambda: reset(session)):
         prepare()
@@ -141,7 +141,7 @@ def test_receive_without_send(open_with: Opener) -> None:
             session.receive()
 
 
-def test_send_twice(open_with: Opener) -> None:
+def test_a_second_send_is_refused(open_with: Opener) -> None:
     session = open_with(obedient)
     reset(session)
     session.send(zeros(session))
@@ -150,7 +150,7 @@ def test_send_twice(open_with: Opener) -> None:
     session.receive()
 
 
-def test_a_reset_of_too_few_worlds(open_with: Opener) -> None:
+def test_a_reset_of_too_few_worlds_is_refused(open_with: Opener) -> None:
     session = open_with(obedient)
     with pytest.raises(UsageError, match="reset of 2 worlds, the engine has 3"):
         session.reset(ResetRequest.all_worlds(2, 0))
@@ -169,7 +169,7 @@ def test_wrong_actions_leave_the_session_usable(open_with: Opener) -> None:
 # An engine that breaks off, or breaks the rules, in the middle
 
 
-def test_an_engine_that_never_answers(open_with: Opener) -> None:
+def test_a_silent_engine_times_out(open_with: Opener) -> None:
     session = open_with(answering({}), step_timeout_s=1.0)
     reset(session)
     began = time.monotonic()
@@ -180,7 +180,9 @@ def test_an_engine_that_never_answers(open_with: Opener) -> None:
 
 
 @pytest.mark.parametrize("num_bytes", [0, 4, 8, 50])
-def test_an_engine_that_leaves_in_the_middle_of_a_frame(open_with: Opener, num_bytes: int) -> None:
+def test_a_connection_that_ends_within_a_frame_is_a_crash(
+    open_with: Opener, num_bytes: int
+) -> None:
     def behave(talk: Talk) -> None:
         talk.greet()
         talk.read()
@@ -192,7 +194,7 @@ def test_an_engine_that_leaves_in_the_middle_of_a_frame(open_with: Opener, num_b
     assert_ended(session)
 
 
-def test_an_engine_that_says_goodbye(open_with: Opener) -> None:
+def test_an_engine_that_closes_is_a_crash(open_with: Opener) -> None:
     session = open_with(answering({}, frame("CLOSE", b"")))
     reset(session)
     with pytest.raises(EngineCrashed, match="closed the connection"):
@@ -220,7 +222,9 @@ def flat_payload() -> bytes:
         (b"\xff" * 8, "unknown type 255"),
     ],
 )
-def test_an_answer_that_is_none(open_with: Opener, answer: bytes, what: str) -> None:
+def test_a_wrong_answer_is_named_and_reported_to_the_engine(
+    open_with: Opener, answer: bytes, what: str
+) -> None:
     session = open_with(answering({}, answer))
     reset(session)
     with pytest.raises(ProtocolError, match=what):
@@ -232,7 +236,7 @@ def test_an_answer_that_is_none(open_with: Opener, answer: bytes, what: str) -> 
     assert b'"code":"frame"' in payload
 
 
-def test_a_batch_that_nobody_asked_for(open_with: Opener) -> None:
+def test_an_unexpected_batch_is_refused(open_with: Opener) -> None:
     twice = frame("BATCH", flat_payload()) * 2
     session = open_with(answering(twice))
     reset(session)
@@ -241,7 +245,7 @@ def test_a_batch_that_nobody_asked_for(open_with: Opener) -> None:
     assert_ended(session)
 
 
-def test_an_error_that_nobody_asked_for(open_with: Opener) -> None:
+def test_an_error_between_steps_is_raised_by_the_next_send(open_with: Opener) -> None:
     report = b'{"code": "game", "message": "out of ammunition"}'
     session = open_with(answering(frame("BATCH", flat_payload()) + frame("ERROR", report)))
     reset(session)
@@ -292,7 +296,9 @@ FINAL = {"slots": [4], "observation": {"place": [[[INF], [0.0]]]}}
         ),
     ],
 )
-def test_numbers_must_be_finite(open_with: Opener, content: dict[str, Any], what: str) -> None:
+def test_nan_and_infinity_are_named_with_their_place(
+    open_with: Opener, content: dict[str, Any], what: str
+) -> None:
     def behave(talk: Talk) -> None:
         talk.greet()
         talk.read()

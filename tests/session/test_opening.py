@@ -41,7 +41,9 @@ TOKEN = "a token of 16 characters"
     ],
 )
 @pytest.mark.parametrize("when", ["greeting", "step"])
-def test_error_frames(open_with: Opener, code: str, kind: type[LudusError], when: str) -> None:
+def test_an_error_frame_raises_the_error_of_its_code(
+    open_with: Opener, code: str, kind: type[LudusError], when: str
+) -> None:
     report = {"code": code, "message": "the reason " + "x" * 5000, "hint": "the advice"}
 
     def behave(talk: Talk) -> None:
@@ -71,7 +73,7 @@ def test_a_malformed_error_ends_the_session(open_with: Opener, payload: bytes) -
 @pytest.mark.parametrize(
     ("versions", "upgrade"), [((0, 0), "ludus addon install"), ((2, 9), "pip install --upgrade")]
 )
-def test_versions_that_do_not_fit(
+def test_without_a_common_version_both_sides_learn_which_to_upgrade(
     open_with: Opener, versions: tuple[int, int], upgrade: str
 ) -> None:
     def behave(talk: Talk) -> None:
@@ -87,7 +89,7 @@ def test_versions_that_do_not_fit(
 
 
 @pytest.mark.parametrize("token", ["", "another token of 16", "\ud800", "zwölf"])
-def test_a_wrong_token(open_with: Opener, token: str) -> None:
+def test_a_wrong_token_is_refused_without_revealing_ours(open_with: Opener, token: str) -> None:
     def behave(talk: Talk) -> None:
         talk.json("HELLO", {**HELLO, "token": token})
         name, payload = talk.read()
@@ -95,11 +97,11 @@ def test_a_wrong_token(open_with: Opener, token: str) -> None:
         assert b'"code":"token"' in payload
         assert TOKEN.encode() not in payload
 
-    with pytest.raises(EngineStartError, match="another token"):
+    with pytest.raises(EngineStartError, match="token is not ours"):
         open_with(behave, token=TOKEN)
 
 
-def test_the_right_token(open_with: Opener) -> None:
+def test_the_right_token_is_accepted_and_answered(open_with: Opener) -> None:
     def behave(talk: Talk) -> None:
         talk.greet({**HELLO, "token": TOKEN})
         talk.serve()
@@ -114,13 +116,13 @@ def test_the_right_token(open_with: Opener) -> None:
         (frame("SPEC", b"{}"), "the engine sent SPEC in CONNECTED"),
         (frame("BATCH", b""), "the engine sent BATCH in CONNECTED"),
         (frame("HELLO", b"[]"), "HELLO must be a JSON object"),
-        (frame("HELLO", b"{}"), "malformed HELLO"),
+        (frame("HELLO", b"{}"), "HELLO.protocol: missing"),
         (b"GET / HTTP/1.1\r\n\r\n", "unknown type 47"),
         (struct.pack("<IBBH", 1 << 25, 1, 0, 0), "HELLO frame of 33554432 bytes, the limit is"),
         (frame("HELLO", b"{}")[:5] + b"\x01\x00\x00{}", "flags 1"),
     ],
 )
-def test_a_greeting_that_is_none(open_with: Opener, greeting: bytes, what: str) -> None:
+def test_a_wrong_greeting_is_named(open_with: Opener, greeting: bytes, what: str) -> None:
     def behave(talk: Talk) -> None:
         talk.raw(greeting)
         talk.wait_for_the_end()
@@ -130,7 +132,7 @@ def test_a_greeting_that_is_none(open_with: Opener, greeting: bytes, what: str) 
     open_with.engines[0].join()
 
 
-def test_a_spec_that_is_wrong(open_with: Opener) -> None:
+def test_a_wrong_spec_is_named(open_with: Opener) -> None:
     def behave(talk: Talk) -> None:
         talk.spec = {**talk.spec, "num_worlds": 0}
         talk.greet()
@@ -141,7 +143,7 @@ def test_a_spec_that_is_wrong(open_with: Opener) -> None:
 
 
 @pytest.mark.parametrize("when", ["before HELLO", "before SPEC"])
-def test_an_engine_that_never_tells_its_spec(open_with: Opener, when: str) -> None:
+def test_an_engine_that_never_sends_its_spec_times_out(open_with: Opener, when: str) -> None:
     def behave(talk: Talk) -> None:
         if when == "before SPEC":
             talk.json("HELLO", HELLO)

@@ -67,7 +67,7 @@ def test_requests_in_the_answer_to_a_reset(open_with: Opener) -> None:
     assert session.take_requests() == GOLDEN
 
 
-def test_what_was_seen_stays_valid(open_with: Opener) -> None:
+def test_requests_and_status_leave_the_last_batch_unchanged(open_with: Opener) -> None:
     session = open_with(answering({"has_requests": True}, result(GOLDEN), result(None, 2)))
     batch = reset(session)["cart"]
     seen = {name: values.copy() for name, values in batch.observation.items()}
@@ -109,7 +109,7 @@ def test_a_status_must_be_json(open_with: Opener, status: dict[str, Any]) -> Non
     step(session)
 
 
-def test_neither_disturbs_a_step(open_with: Opener) -> None:
+def test_requests_and_status_during_a_step_are_refused(open_with: Opener) -> None:
     asking = {"has_requests": True}
     session = open_with(answering(asking, asking, result(GOLDEN, 3)))
     reset(session)
@@ -121,7 +121,7 @@ def test_neither_disturbs_a_step(open_with: Opener) -> None:
     assert session.take_requests() == GOLDEN
 
 
-def test_an_engine_that_refuses_the_call(open_with: Opener) -> None:
+def test_a_refused_call_leaves_the_session_usable(open_with: Opener) -> None:
     refusal = json_frame("RESULT", {"id": 1, "error": "no"})
     session = open_with(answering({"has_requests": True}, refusal, {}))
     reset(session)
@@ -131,7 +131,7 @@ def test_an_engine_that_refuses_the_call(open_with: Opener) -> None:
 
 
 @pytest.mark.parametrize("value", [None, 7, {"kind": "save"}, [7], [{"kind": "Save"}]])
-def test_an_answer_that_is_no_list_of_requests(open_with: Opener, value: Any) -> None:
+def test_an_answer_that_is_not_a_list_of_requests_is_refused(open_with: Opener, value: Any) -> None:
     session = open_with(answering({"has_requests": True}, result(value)))
     reset(session)
     with pytest.raises(ProtocolError, match=r"take_requests\(\)"):
@@ -160,7 +160,7 @@ def odd_answers() -> list[bytes]:
     return answers
 
 
-def test_odd_answers_bring_only_documented_errors(open_with: Opener) -> None:
+def test_odd_answers_raise_only_documented_errors(open_with: Opener) -> None:
     """One engine sees to as many answers as it can; an error ends it."""
     answers = odd_answers()
     num_refused = 0

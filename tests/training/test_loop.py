@@ -257,7 +257,9 @@ def test_kill_at_any_moment_leaves_a_loadable_run(small: Any) -> None:
     assert lines == sorted(set(lines))
 
 
-def test_run_names(small: Any, tmp_path: Path) -> None:
+def test_run_folders_get_the_name_asked_for_or_one_of_target_and_time(
+    small: Any, tmp_path: Path
+) -> None:
     first, second = RunFolder.create(small(name="")), RunFolder.create(small(name=""))
     assert first.path != second.path
     assert first.path.name.startswith("Identity-discrete-v0-2")

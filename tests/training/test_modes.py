@@ -37,7 +37,7 @@ def test_only_policies_that_learn_take_turns() -> None:
     assert modes(schedule, 2) == modes(schedule, 0)
 
 
-def test_phases_come_round() -> None:
+def test_phases_repeat() -> None:
     phases = (Phase(2, {"foe": "frozen"}), Phase(1, {"hero": "deterministic"}))
     schedule = ModeSchedule(TrainConfig(policies=BOTH, schedule=phases))
     expected = [["train", "frozen"]] * 2 + [["deterministic", "train"]]

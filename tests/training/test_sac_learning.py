@@ -10,8 +10,8 @@ import pytest
 import torch
 
 from ludus.errors import DivergenceError
-from ludus.networks.load_tensors import load_tensors
 from ludus.networks.networks import perceptron
+from ludus.networks.tensors import load_tensors
 from ludus.runs.checkpoint import Checkpoint
 from ludus.runs.metrics import POLICY_METRICS, read_metrics
 from ludus.runs.run_folder import RunFolder
@@ -88,7 +88,7 @@ def test_truncation_is_bootstrapped(tmp_path: Path) -> None:
     assert value_of("Truncated-v0", 0.5, tmp_path) == pytest.approx(10.0, rel=0.03)
 
 
-def test_termination_is_not(tmp_path: Path) -> None:
+def test_termination_is_not_bootstrapped(tmp_path: Path) -> None:
     """Five steps are worth (1 - gamma^5) / (1 - gamma) = 4.0951."""
     assert value_of("Terminated-v0", 0.0, tmp_path) == pytest.approx(4.0951, rel=0.03)
 

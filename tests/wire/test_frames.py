@@ -1,4 +1,4 @@
-"""Frames cut from a stream, their limits, and their JSON payloads (PROTOCOL.md §1)."""
+"""Frames received from a stream, their limits, and their JSON payloads (PROTOCOL.md §1)."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ from pathlib import Path
 
 import hypothesis.strategies as st
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 
 from ludus.errors import ProtocolError
+from ludus.link import LinkClosed
 from ludus.wire.frames import (
-    Frame,
-    FrameReader,
     FrameType,
     decode_header,
     decode_json,
@@ -24,6 +23,7 @@ from ludus.wire.frames import (
 )
 from tests.wire.golden import load_all
 from tests.wire.strategies import json_objects
+from tests.wire.stream import Frame, cut_frames, receive_frames
 
 STREAM = b"".join(golden.frame for golden in load_all())
 FRAMES = [Frame(golden.type, golden.payload) for golden in load_all()]
@@ -51,29 +51,21 @@ def header(num_bytes: int, number: int, flags: int = 0, reserved: int = 0) -> by
     return struct.pack("<IBBH", num_bytes, number, flags, reserved)
 
 
-def test_a_stream_fed_byte_by_byte() -> None:
-    reader = FrameReader()
-    frames = [frame for i in range(len(STREAM)) for frame in reader.feed(STREAM[i : i + 1])]
-    assert frames == FRAMES
-
-
-def test_a_stream_fed_at_once() -> None:
-    assert FrameReader().feed(STREAM) == FRAMES
+def test_frames_that_arrive_byte_by_byte() -> None:
+    assert receive_frames((STREAM[i : i + 1] for i in range(len(STREAM))), len(FRAMES)) == FRAMES
 
 
 @given(st.lists(st.integers(0, len(STREAM)), max_size=20))
-def test_a_stream_fed_in_pieces(cuts: list[int]) -> None:
-    places = [0, *sorted(cuts), len(STREAM)]
-    reader = FrameReader()
-    pieces = [STREAM[a:b] for a, b in pairwise(places)]
-    assert [frame for piece in pieces for frame in reader.feed(piece)] == FRAMES
-    assert reader.num_pending_bytes == 0
+@settings(deadline=None)
+def test_frames_that_arrive_in_any_pieces(cuts: list[int]) -> None:
+    pieces = [STREAM[a:b] for a, b in pairwise([0, *sorted(cuts), len(STREAM)])]
+    assert receive_frames(pieces, len(FRAMES)) == FRAMES
 
 
-def test_a_truncated_stream_leaves_its_rest_pending() -> None:
-    reader = FrameReader()
-    assert reader.feed(STREAM[:-3]) == FRAMES[:-1]
-    assert reader.num_pending_bytes == 8 + len(FRAMES[-1].payload) - 3
+def test_a_truncated_frame_ends_the_connection() -> None:
+    assert receive_frames([STREAM[:-3]], len(FRAMES) - 1) == FRAMES[:-1]
+    with pytest.raises(LinkClosed):
+        receive_frames([STREAM[:-3]], len(FRAMES))
 
 
 def test_types_are_those_of_the_protocol() -> None:
@@ -102,7 +94,7 @@ def test_limits_are_those_of_the_protocol(limit: int) -> None:
 @pytest.mark.parametrize("number", [0, 13, 71, 255])
 def test_an_unknown_type_is_refused(number: int) -> None:
     with pytest.raises(ProtocolError, match=f"unknown type {number}"):
-        FrameReader().feed(header(0, number))
+        decode_header(header(0, number))
 
 
 @pytest.mark.parametrize(("flags", "reserved"), [(1, 0), (128, 0), (0, 1), (0, 65535)])
@@ -111,16 +103,9 @@ def test_flags_of_other_versions_are_refused(flags: int, reserved: int) -> None:
         decode_header(header(0, FrameType.CLOSE, flags, reserved))
 
 
-def test_a_refused_header_costs_no_memory() -> None:
-    reader = FrameReader()
-    with pytest.raises(ProtocolError):
-        reader.feed(header(2**32 - 1, FrameType.BATCH))
-    assert reader.num_pending_bytes == 8
-
-
 @given(json_objects)
 def test_json_round_trip(value: dict[str, object]) -> None:
-    (frame,) = FrameReader().feed(encode_json(FrameType.CALL, value))
+    (frame,) = cut_frames(encode_json(FrameType.CALL, value))
     assert decode_json(frame.payload, "CALL") == value
 
 
@@ -144,7 +129,7 @@ def test_json_round_trip(value: dict[str, object]) -> None:
     ],
     ids=lambda payload: repr(payload[:12]),
 )
-def test_what_is_no_json_object_is_refused(payload: bytes) -> None:
+def test_payloads_that_are_not_json_objects_are_refused(payload: bytes) -> None:
     with pytest.raises(ProtocolError, match=r"^SPEC "):
         decode_json(payload, "SPEC")
 
@@ -162,6 +147,5 @@ def test_padding(num_bytes: int) -> None:
 
 @given(st.binary(max_size=64))
 def test_frame_round_trip(payload: bytes) -> None:
-    assert FrameReader().feed(encode_frame(FrameType.PING, payload)) == [
-        Frame(FrameType.PING, payload)
-    ]
+    (frame,) = cut_frames(encode_frame(FrameType.PING, payload))
+    assert frame == Frame(FrameType.PING, payload)

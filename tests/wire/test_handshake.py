@@ -1,4 +1,4 @@
-"""Greeting and agreement on a version (PROTOCOL.md §3)."""
+"""``HELLO``, ``WELCOME`` and the choice of a version (PROTOCOL.md §3)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def hello_of(low: int, high: int) -> Hello:
 
 
 @pytest.mark.parametrize(("engine", "ours", "outcome"), MATRIX)
-def test_versions(
+def test_the_highest_common_version_is_chosen_or_the_side_to_upgrade_named(
     monkeypatch: pytest.MonkeyPatch,
     engine: tuple[int, int],
     ours: tuple[int, int],
@@ -53,28 +53,31 @@ def test_versions(
 @pytest.mark.parametrize("key", ["protocol", "addon", "engine", "capabilities"])
 def test_a_missing_key_is_named(key: str) -> None:
     value = {name: part for name, part in HELLO.items() if name != key}
-    with pytest.raises(ProtocolError, match=f"malformed HELLO.*{key}"):
+    with pytest.raises(ProtocolError, match=rf"^HELLO\.{key}: missing$"):
         Hello.from_json(value)
 
 
 @pytest.mark.parametrize(
-    ("key", "value"),
+    ("key", "value", "what"),
     [
-        ("protocol", 1),
-        ("protocol", {"min": 1}),
-        ("protocol", {"min": "one", "max": 1}),
-        ("protocol", {"min": None, "max": 1}),
-        ("protocol", {"min": 1, "max": float("inf")}),
-        ("engine", "godot"),
-        ("engine", {"name": "godot"}),
-        ("capabilities", "call"),
-        ("capabilities", None),
-        ("capabilities", {"call": True}),
+        ("protocol", 1, "protocol: expected an object, got 1"),
+        ("protocol", {"min": 1}, "protocol.max: missing"),
+        ("protocol", {"min": "one", "max": 1}, "protocol.min: expected an integer, got 'one'"),
+        ("protocol", {"min": None, "max": 1}, "protocol.min: expected an integer, got None"),
+        ("protocol", {"min": 1, "max": float("inf")}, "protocol.max: expected an integer, got inf"),
+        ("engine", "godot", "engine: expected an object, got 'godot'"),
+        ("engine", {"name": "godot"}, "engine.version: missing"),
+        ("addon", 1, "addon: expected a text, got 1"),
+        ("capabilities", "call", "capabilities: expected a list, got 'call'"),
+        ("capabilities", None, "capabilities: expected a list, got None"),
+        ("capabilities", {"call": True}, "capabilities: expected a list, got {'call': True}"),
+        ("token", 7, "token: expected a text, got 7"),
     ],
 )
-def test_a_key_of_the_wrong_type_is_refused(key: str, value: Any) -> None:
-    with pytest.raises(ProtocolError, match="malformed HELLO"):
+def test_a_wrong_field_is_named(key: str, value: Any, what: str) -> None:
+    with pytest.raises(ProtocolError) as caught:
         Hello.from_json({**HELLO, key: value})
+    assert caught.value.message == f"HELLO.{what}"
 
 
 def test_the_token_is_optional_and_not_shown() -> None:

@@ -56,7 +56,7 @@ def test_the_table_was_found() -> None:
 
 
 @pytest.mark.parametrize(("state", "frame_type"), PAIRS)
-def test_sending(state: State, frame_type: FrameType) -> None:
+def test_only_the_frames_of_the_table_may_be_sent(state: State, frame_type: FrameType) -> None:
     connection = connection_in(state)
     following = SENT.get((state, frame_type))
     if following is None:
@@ -69,7 +69,7 @@ def test_sending(state: State, frame_type: FrameType) -> None:
 
 
 @pytest.mark.parametrize(("state", "frame_type"), PAIRS)
-def test_receiving(state: State, frame_type: FrameType) -> None:
+def test_only_the_frames_of_the_table_may_be_received(state: State, frame_type: FrameType) -> None:
     connection = connection_in(state)
     following = RECEIVED.get((state, frame_type))
     if following is None:
@@ -81,7 +81,7 @@ def test_receiving(state: State, frame_type: FrameType) -> None:
         assert connection.state is following
 
 
-def test_a_conversation_begins_at_the_beginning() -> None:
+def test_a_new_connection_waits_for_hello() -> None:
     assert ConnectionState().state is State.CONNECTED
 
 
@@ -97,7 +97,7 @@ def test_step_needs_a_reset_first() -> None:
     assert connection.state is State.READY
 
 
-def test_a_call_is_no_reset() -> None:
+def test_a_call_does_not_count_as_a_reset() -> None:
     connection = connection_in(State.READY)
     connection.has_reset = False
     connection.send(FrameType.CALL)

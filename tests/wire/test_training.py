@@ -1,4 +1,4 @@
-"""What a game that guides its training says of it (PROTOCOL.md §3)."""
+"""The training settings of a game that guides its training (PROTOCOL.md §3)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_whole_numbers_may_be_floats() -> None:
 
 
 @pytest.mark.parametrize("run", ["a", "find_coin", "Coin-2.1", "_", "7", "x" * 64])
-def test_names_of_runs(run: str) -> None:
+def test_valid_names_of_runs_are_accepted(run: str) -> None:
     assert read_training({"run": run}).run == run
 
 
@@ -46,14 +46,14 @@ def test_names_of_runs(run: str) -> None:
         ("checkpoint_every_updates", [0, -5, "often", 1e300]),
     ],
 )
-def test_what_is_wrong_is_named(key: str, values: list[Any]) -> None:
+def test_a_wrong_setting_is_named(key: str, values: list[Any]) -> None:
     for value in values:
         with pytest.raises(ProtocolError, match=rf"HELLO\.training\.{key}: expected") as caught:
             read_training({key: value})
         assert "LudusTraining" in caught.value.hint
 
 
-def test_odd_values_everywhere() -> None:
+def test_an_odd_value_in_any_field_raises_only_protocol_errors() -> None:
     for path in places(GOLDEN["training"]):
         for odd in ODD_VALUES:
             with contextlib.suppress(ProtocolError):
@@ -66,7 +66,7 @@ def test_any_json(value: Any) -> None:
         read_training(value)
 
 
-def test_only_a_trainer_that_says_so_is_guided() -> None:
+def test_a_trainer_agrees_to_guided_training_only_if_it_offers_it() -> None:
     hello = Hello.from_json(GOLDEN)
     assert CAPABILITY not in CAPABILITIES
     assert CAPABILITY not in welcome(1, hello, EngineConfig())["capabilities"]

@@ -121,7 +121,7 @@ class Learner(Protocol):
 
 
 def check_finite_losses(policy: str, metrics: Mapping[str, float]) -> None:
-    """Raise where learning has gone astray.
+    """Check that no metric of an update is NaN or infinite.
 
     Raises:
         DivergenceError: A metric is NaN or infinite.

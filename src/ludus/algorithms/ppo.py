@@ -24,17 +24,27 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ludus.algorithms.adam import Adam, learning_rate_at
-from ludus.algorithms.advantage import generalised_advantage
 from ludus.algorithms.learner import NUM_SAMPLES, LearnerSettings, LearnerState, check_finite_losses
-from ludus.algorithms.ppo_losses import approximate_kl, clipped_surrogate, value_loss
+from ludus.algorithms.losses import (
+    approximate_kl,
+    clipped_surrogate,
+    generalised_advantage,
+    value_loss,
+)
 from ludus.algorithms.recurrence import Sequences, cut_into_sequences, run_memory
 from ludus.algorithms.rollout import Rollout
 from ludus.networks.device import mixed_precision
-from ludus.networks.load_tensors import load_tensors
 from ludus.networks.networks import Inputs, perceptron
 from ludus.networks.normalise import RewardScaler
 from ludus.networks.policy import Policy
-from ludus.networks.tensors import as_tensor, as_tensors, to_numbers
+from ludus.networks.tensors import (
+    as_tensor,
+    as_tensors,
+    join_names,
+    load_tensors,
+    to_numbers,
+    with_prefix,
+)
 from ludus.settings.policy_config import PPOConfig
 from ludus.spec.batch import ActionBatch, Batch
 
@@ -103,11 +113,8 @@ class PPO:
         self.config = config
         self._device = policy.device
         self._is_mixed = settings.is_mixed
-        sizes = (
-            config.hidden_sizes
-            if config.critic_hidden_sizes is None
-            else config.critic_hidden_sizes
-        )
+        sizes = config.critic_hidden_sizes
+        sizes = config.hidden_sizes if sizes is None else sizes
         # Values start at exactly 0. Until the first reward, random ones would be all there is to
         # the advantages; normalised, that noise makes the actor nearly deterministic, often before
         # it has reached a reward at all.
@@ -207,13 +214,23 @@ class PPO:
         self._take_samples()
         if self.config.overlap:
             self._collector.load_state_dict(self.policy.state_dict())
-            transitions = self._own(transitions)
-        self._begin_learning(transitions)
+            # A copy: the next rollout overwrites the arrays of this one.
+            every = torch.arange(len(transitions), device=self._device)
+            transitions = replace(transitions.rows(every), sequences=transitions.sequences)
+        if len(transitions):
+            self._pending = self._optimise(transitions)
+            num_parts = math.ceil(len(transitions) / self.config.minibatch_size)
+            num_calls = self.config.rollout_steps * len(self._rows)
+            self._steps_per_call = self.config.epochs * num_parts / num_calls
+            self._steps_owed = 0.0
         if not self.config.overlap:
             self._finish()
             losses, self._losses = self._losses, {}
-        self._take_statistics()
-        self._restart()
+        self._update_statistics()
+        self._rollout.restart()
+        self._first_memory.copy_(self._memory)
+        self._has_noise = False
+        self._steps = [0] * len(self._steps)
         losses["learning_rate"] = self._learning_rate
         losses["num_transitions"] = float(len(transitions))
         if self.policy.head.log_std is not None and self.policy.head.size:
@@ -227,24 +244,9 @@ class PPO:
             self._steps_owed -= 1.0
             next(self._pending, None)
 
-    def _begin_learning(self, transitions: Transitions) -> None:
-        if not len(transitions):
-            return
-        self._pending = self._optimise(transitions)
-        num_parts = math.ceil(len(transitions) / self.config.minibatch_size)
-        num_calls = self.config.rollout_steps * len(self._rows)
-        self._steps_per_call = self.config.epochs * num_parts / num_calls
-        self._steps_owed = 0.0
-
     def _finish(self) -> None:
         for _ in self._pending:
             pass
-
-    def _restart(self) -> None:
-        self._rollout.restart()
-        self._first_memory.copy_(self._memory)
-        self._has_noise = False
-        self._steps = [0] * len(self._steps)
 
     def _optimise(self, transitions: Transitions) -> Iterator[None]:
         """Take gradient steps on the clipped objective, equation 9 of the paper, one at a time."""
@@ -408,12 +410,7 @@ class PPO:
         discounts = (self.config.discount, self.config.gae_lambda)
         return generalised_advantage(reward, value[:-1], next_value, is_done, discounts)
 
-    def _own(self, transitions: Transitions) -> Transitions:
-        """Return a copy that the next rollout does not overwrite."""
-        every = torch.arange(len(transitions), device=self._device)
-        return replace(transitions.rows(every), sequences=transitions.sequences)
-
-    def _take_statistics(self) -> None:
+    def _update_statistics(self) -> None:
         for policy in {id(each): each for each in (self.policy, self._collector)}.values():
             if policy.encoder.normaliser is None:
                 return
@@ -439,15 +436,16 @@ class PPO:
         With ``overlap``, takes the gradient steps that are left first.
         """
         self._finish()
-        tensors = {f"policy.{name}": value for name, value in self.policy.state_dict().items()}
-        tensors |= {f"critic.{name}": value for name, value in self._critic.state_dict().items()}
-        tensors |= {f"scaler.{name}": value for name, value in self._scaler.state_dict().items()}
-        tensors |= {f"optimiser.{name}": value for name, value in self._optimiser.state().items()}
+        parts: dict[str, dict[str, Tensor]] = {
+            "policy": self.policy.state_dict(),
+            "critic": self._critic.state_dict(),
+            "scaler": self._scaler.state_dict(),
+            "optimiser": self._optimiser.state(),
+            "samples": self._samples,
+        }
         if self.config.overlap:
-            collector = self._collector.state_dict()
-            tensors |= {f"collector.{name}": value for name, value in collector.items()}
-        tensors |= {f"samples.{name}": value for name, value in self._samples.items()}
-        tensors["generator"] = self._generator.get_state()
+            parts["collector"] = self._collector.state_dict()
+        tensors = join_names(parts, ".") | {"generator": self._generator.get_state()}
         copies = {name: value.detach().cpu().clone() for name, value in tensors.items()}
         return LearnerState(copies, {"losses": self._losses})
 
@@ -459,8 +457,7 @@ class PPO:
         if self.config.overlap:
             is_saved = any(name.startswith("collector.") for name in state.tensors)
             load_tensors(self._collector, state.tensors, "collector." if is_saved else "policy.")
-        names = self._optimiser.state()
-        self._optimiser.load_state({name: state.tensors[f"optimiser.{name}"] for name in names})
+        self._optimiser.load_state(with_prefix(state.tensors, "optimiser."))
         self._generator.set_state(state.tensors["generator"])
         self._losses = dict(state.values.get("losses", {}))
         self._has_noise = False

@@ -15,12 +15,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from ludus.algorithms.rollout import SlotState
 from ludus.errors import CheckpointError
 from ludus.networks.tensors import as_tensor
 from ludus.spec import PolicySpec
 from ludus.spec.batch import Batch
 
-__all__ = ["LastState", "Replay", "Sample"]
+__all__ = ["Replay", "Sample"]
 
 Array = NDArray[Any]
 
@@ -50,38 +51,6 @@ class Sample:
     next_mask: Tensor | None
 
 
-class LastState:
-    """What the slots of one engine acted on, and what they did; kept until the outcome arrives.
-
-    Attributes:
-        observation: Per entry ``dtype[n, *shape]``.
-        tensors: The same memory as tensors on the CPU.
-        mask: ``bool[n, mask_size]``.
-        is_active: ``bool[n]``.
-        discrete: ``int64[n, d]``.
-        continuous: ``float32[n, c]`` in [-1, 1].
-    """
-
-    def __init__(self, spec: PolicySpec, num_slots: int) -> None:
-        self.observation: dict[str, Array] = {
-            entry.name: np.zeros((num_slots, *entry.shape), entry.numpy_dtype)
-            for entry in spec.observation
-        }
-        self.tensors = {name: as_tensor(array) for name, array in self.observation.items()}
-        self.mask = np.ones((num_slots, spec.mask_size), np.bool_)
-        self.is_active = np.zeros(num_slots, np.bool_)
-        self.discrete = np.zeros((num_slots, spec.num_discrete), np.int64)
-        self.continuous = np.zeros((num_slots, spec.continuous_size), np.float32)
-
-    def write(self, batch: Batch) -> None:
-        """Copy what the slots will act on."""
-        for name, array in self.observation.items():
-            array[...] = batch.observation[name]
-        self.is_active[...] = batch.active
-        if batch.action_mask is not None:
-            self.mask[...] = batch.action_mask
-
-
 class Replay:
     """The newest ``capacity`` transitions, over all slots.
 
@@ -108,7 +77,7 @@ class Replay:
             self._arrays["next_mask"] = np.zeros((capacity, spec.mask_size), np.bool_)
         self._tensors = {name: as_tensor(array) for name, array in self._arrays.items()}
 
-    def add(self, last: LastState, batch: Batch) -> int:
+    def add(self, last: SlotState, batch: Batch) -> int:
         """Store what came of the actions of ``last``, for the slots that were active then.
 
         Where an episode ended, the next observation is the final one, not the batch's, which is

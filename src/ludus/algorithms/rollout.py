@@ -13,25 +13,22 @@ from ludus.networks.tensors import as_tensor
 from ludus.spec import PolicySpec
 from ludus.spec.batch import Batch
 
-__all__ = ["FinalObservations", "Rollout", "SlotViews"]
+__all__ = ["FinalObservations", "Rollout", "SlotState", "SlotViews"]
 
 Array = NDArray[Any]
 
 
 @dataclass(frozen=True)
-class SlotViews:
-    """One engine's slots at one step, made beforehand so that nothing is indexed while stepping.
+class SlotState:
+    """What ``n`` slots of one engine act on, and what they do.
 
     Attributes:
-        observation: Per entry ``dtype[n, *shape]``, and as tensors on the CPU in ``tensors``.
-        tensors: The same memory as ``observation``.
+        observation: Per entry ``dtype[n, *shape]``.
+        tensors: The same memory as tensors on the CPU.
         is_active: ``bool[n]``.
         mask: ``bool[n, mask_size]``, all True without masks.
         discrete: ``int64[n, d]``.
-        continuous: ``float32[n, c]``, unclipped.
-        reward: ``float32[n]``.
-        terminated: ``bool[n]``.
-        truncated: ``bool[n]``.
+        continuous: ``float32[n, c]``; PPO's unclipped, SAC's in [-1, 1].
     """
 
     observation: dict[str, Array]
@@ -40,9 +37,22 @@ class SlotViews:
     mask: NDArray[np.bool_]
     discrete: NDArray[np.int64]
     continuous: NDArray[np.float32]
-    reward: NDArray[np.float32]
-    terminated: NDArray[np.bool_]
-    truncated: NDArray[np.bool_]
+
+    @staticmethod
+    def allocate(spec: PolicySpec, num_slots: int) -> SlotState:
+        """Return a state in memory of its own, with every slot inactive."""
+        observation = {
+            entry.name: np.zeros((num_slots, *entry.shape), entry.numpy_dtype)
+            for entry in spec.observation
+        }
+        return SlotState(
+            observation=observation,
+            tensors={name: as_tensor(array) for name, array in observation.items()},
+            is_active=np.zeros(num_slots, np.bool_),
+            mask=np.ones((num_slots, spec.mask_size), np.bool_),
+            discrete=np.zeros((num_slots, spec.num_discrete), np.int64),
+            continuous=np.zeros((num_slots, spec.continuous_size), np.float32),
+        )
 
     def write_state(self, batch: Batch) -> None:
         """Copy what the slots will act on."""
@@ -51,6 +61,21 @@ class SlotViews:
         self.is_active[...] = batch.active
         if batch.action_mask is not None:
             self.mask[...] = batch.action_mask
+
+
+@dataclass(frozen=True)
+class SlotViews(SlotState):
+    """One engine's slots at one step, made beforehand so that nothing is indexed while stepping.
+
+    Attributes:
+        reward: ``float32[n]``.
+        terminated: ``bool[n]``.
+        truncated: ``bool[n]``.
+    """
+
+    reward: NDArray[np.float32]
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
 
     def write_outcome(self, batch: Batch) -> None:
         """Copy what came of the action."""

@@ -21,23 +21,30 @@ from torch import Tensor, nn
 
 from ludus.algorithms.adam import Adam, as_one_vector, learning_rate_at
 from ludus.algorithms.learner import NUM_SAMPLES, LearnerSettings, LearnerState, check_finite_losses
-from ludus.algorithms.replay import LastState, Replay, Sample
-from ludus.algorithms.sac_losses import (
+from ludus.algorithms.losses import (
     critic_loss,
     discrete_soft_value,
     soft_value,
     squashed_log_prob,
     temperature_loss,
 )
+from ludus.algorithms.replay import Replay, Sample
+from ludus.algorithms.rollout import SlotState
 from ludus.algorithms.twin_critic import TwinCritic
 from ludus.errors import ConfigError, SequenceError
 from ludus.networks.dense import Network, accelerate
 from ludus.networks.device import mixed_precision
 from ludus.networks.distributions import masked_log_softmax
-from ludus.networks.load_tensors import load_tensors
 from ludus.networks.networks import Inputs
 from ludus.networks.policy import Policy
-from ludus.networks.tensors import as_tensor, as_tensors, to_numbers
+from ludus.networks.tensors import (
+    as_tensor,
+    as_tensors,
+    join_names,
+    load_tensors,
+    to_numbers,
+    with_prefix,
+)
 from ludus.settings.policy_config import SACConfig
 from ludus.spec import PolicySpec
 from ludus.spec.batch import ActionBatch, Batch
@@ -113,7 +120,7 @@ class SAC:
         self._learning_rate = config.learning_rate
         self._replay = Replay(policy.spec, config.replay_capacity)
         self._last = [
-            LastState(policy.spec, rows.stop - rows.start) for rows in settings.engine_rows
+            SlotState.allocate(policy.spec, rows.stop - rows.start) for rows in settings.engine_rows
         ]
         self._generator = torch.Generator(self._device).manual_seed(settings.seed)
         self._replay_generator = torch.Generator().manual_seed(settings.seed + 1)
@@ -173,7 +180,7 @@ class SAC:
     def begin(self, engine: int, batch: Batch) -> None:
         """Take the first observations of an engine that was reset."""
         self._steps[engine] = 0
-        self._last[engine].write(batch)
+        self._last[engine].write_state(batch)
 
     @torch.inference_mode()
     def act(self, engine: int) -> ActionBatch:
@@ -210,7 +217,7 @@ class SAC:
         num_new = self._replay.add(last, batch)
         self._num_recorded += num_new
         self._num_unseen += num_new
-        last.write(batch)
+        last.write_state(batch)
         self._steps[engine] += 1
         if self._replay.size >= min(max(1, self.config.learning_starts), self._replay.capacity):
             self._steps_owed += self.config.updates_per_step / len(self._last)
@@ -246,7 +253,7 @@ class SAC:
         if not num_steps:
             return
         if not self._num_gradient_steps:
-            self._take_statistics()
+            self._update_statistics()
         self._steps_owed -= num_steps
         for batch in self._minibatches(num_steps):
             self._sums += self._gradient_step(batch)
@@ -265,7 +272,7 @@ class SAC:
         metrics["learning_rate"] = self._learning_rate
         metrics["gradient_steps"] = float(self._num_gradient_steps)
         metrics["replay_size"] = float(self._replay.size)
-        self._take_statistics()
+        self._update_statistics()
         self._steps = [0] * len(self._steps)
         self._num_summed = 0
         self._sums.zero_()
@@ -378,7 +385,7 @@ class SAC:
         return DISCRETE_ENTROPY * mask.sum(-1).clamp(min=1).log()
 
     @torch.no_grad()
-    def _take_statistics(self) -> None:
+    def _update_statistics(self) -> None:
         """Take observations recorded since the last time into the normaliser."""
         encoder = self.policy.encoder
         if encoder.normaliser is not None and self._num_unseen:
@@ -391,13 +398,11 @@ class SAC:
 
     def state(self) -> LearnerState:
         """Return copies of networks, optimisers, statistics, random streams and replay."""
-        tensors = {"log_temperature": self._log_temperature.detach()}
-        for name, module in self._modules().items():
-            tensors |= {f"{name}.{key}": value for key, value in module.state_dict().items()}
-        for name, optimiser in self._optimisers().items():
-            tensors |= {f"{name}.{key}": value for key, value in optimiser.state().items()}
-        samples = self._replay.newest(NUM_SAMPLES)
-        tensors |= {f"samples.{name}": value for name, value in samples.items()}
+        modules = {name: module.state_dict() for name, module in self._modules().items()}
+        optimisers = {name: each.state() for name, each in self._optimisers().items()}
+        samples = {"samples": self._replay.newest(NUM_SAMPLES)}
+        tensors = join_names({**modules, **optimisers, **samples}, ".")
+        tensors["log_temperature"] = self._log_temperature
         tensors["generator"] = self._generator.get_state()
         tensors["replay_generator"] = self._replay_generator.get_state()
         copies = {name: value.detach().cpu().clone() for name, value in tensors.items()}
@@ -418,7 +423,7 @@ class SAC:
         for name, module in self._modules().items():
             load_tensors(module, tensors, f"{name}.")
         for name, optimiser in self._optimisers().items():
-            optimiser.load_state({key: tensors[f"{name}.{key}"] for key in optimiser.state()})
+            optimiser.load_state(with_prefix(tensors, f"{name}."))
         if self.config.temperature is None:
             self._log_temperature.data.copy_(tensors["log_temperature"])
         self._generator.set_state(tensors["generator"])
@@ -442,7 +447,7 @@ class SAC:
 
 
 def check_action(spec: PolicySpec) -> None:
-    """Refuse what SAC cannot act.
+    """Refuse actions that SAC does not support.
 
     Raises:
         ConfigError: The action is neither continuous nor one discrete choice.
@@ -452,7 +457,7 @@ def check_action(spec: PolicySpec) -> None:
     raise ConfigError(
         f"policy {spec.name}: sac needs continuous actions or one discrete choice, not "
         f"{spec.num_discrete} discrete and {spec.continuous_size} continuous",
-        "set the policy's algorithm to ppo, which knows every kind of action",
+        "set the policy's algorithm to ppo, which supports all actions",
     )
 
 

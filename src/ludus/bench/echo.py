@@ -32,7 +32,7 @@ def measure_echo(
     num_echoes: int,
     plan: CorePlan,
 ) -> float | None:
-    """Return the median microseconds of an echo; None for engines other than Godot 4.
+    """Return the median time of an echo, microseconds; None for engines other than Godot 4.
 
     Args:
         engine: The engine to echo with.

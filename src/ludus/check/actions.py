@@ -1,4 +1,4 @@
-"""Actions: legal ones are taken, masks leave a choice, and what is done matters."""
+"""Actions: legal ones are accepted, masks leave a choice, and actions have an effect."""
 
 from __future__ import annotations
 
@@ -20,26 +20,22 @@ OTHER_ACTIONS = 1_000_003
 
 
 def check_actions(context: CheckContext) -> list[Finding]:
-    """Try every alternative and both ends of every range; look for masks and for an effect."""
+    """Try every alternative and both ends of every range; check masks and the effect."""
     recording = context.recording
-    findings = [_random_play(recording)]
-    for policy in recording.spec.policies:
-        if policy.has_action_mask:
-            findings.append(_mask(recording, policy))
+    policies = recording.spec.policies
+    kinds = "; ".join(f"{policy.name}: {_describe_action(policy)}" for policy in policies)
+    findings = [
+        ok("random legal actions are accepted", f"{kinds}; {recording.num_steps} steps"),
+        *(_mask(recording, policy) for policy in policies if policy.has_action_mask),
+    ]
     with context.main_pool() as pool:
-        if not any(policy.has_action_mask for policy in recording.spec.policies):
+        if not any(policy.has_action_mask for policy in policies):
             findings.append(_extremes(pool, context.config.seed))
         findings.append(_effect(context, pool))
     return findings
 
 
-def _random_play(recording: Recording) -> Finding:
-    kinds = "; ".join(f"{p.name}: {describe_action(p)}" for p in recording.spec.policies)
-    return ok("random legal actions are taken", f"{kinds}; {recording.num_steps} steps")
-
-
-def describe_action(policy: PolicySpec) -> str:
-    """Say in a few words what an agent decides."""
+def _describe_action(policy: PolicySpec) -> str:
     parts = [
         f"{part.name} of {part.n}"
         if isinstance(part, DiscreteAction)
@@ -64,37 +60,30 @@ def _mask(recording: Recording, policy: PolicySpec) -> Finding:
                 slot = int(np.flatnonzero(batch.active)[is_empty.argmax()])
                 return fail(
                     title,
-                    f"step {step}, slot {slot}: the mask of choice {part} allows nothing",
+                    f"step {step}, slot {slot}: the mask of choice {part} allows no alternative",
                     "get_action_mask() must allow at least one alternative of every choice",
                 )
             start += n
     if not num_forbidden:
-        hint = "switch has_action_mask off if nothing is ever forbidden"
+        hint = "switch has_action_mask off if the game never forbids anything"
         return warn(title, f"nothing was forbidden in {recording.num_steps} steps", hint)
     return ok(title, f"{num_forbidden} alternatives were forbidden")
 
 
 def _extremes(pool: EnginePool, seed: int) -> Finding:
-    """Every alternative, and the lowest and highest of every range."""
     pool.reset(seed)
-    spec = pool.spec
-    most = max((n for policy in spec.policies for n in policy.nvec), default=2)
-    num_steps = max(2, min(most, MAX_ALTERNATIVES))
-    for step in range(num_steps):
-        pool.step({policy.name: _extreme(policy, step) for policy in spec.policies})
-    return ok("every alternative and both ends of every range are taken")
-
-
-def _extreme(policy: PolicySpec, step: int) -> ActionBatch:
-    actions = ActionBatch.zeros(policy, policy.num_agents)
-    if policy.nvec:
-        actions.discrete[:] = np.minimum(step, np.asarray(policy.nvec) - 1)
-    actions.continuous[:] = policy.continuous_bounds()[step % 2]
-    return actions
+    policies = pool.spec.policies
+    most = max((n for policy in policies for n in policy.nvec), default=2)
+    for step in range(max(2, min(most, MAX_ALTERNATIVES))):
+        actions = {p.name: ActionBatch.zeros(p, p.num_agents) for p in policies}
+        for policy in policies:
+            actions[policy.name].discrete[:] = np.minimum(step, np.array(policy.nvec, int) - 1)
+            actions[policy.name].continuous[:] = policy.continuous_bounds()[step % 2]
+        pool.step(actions)
+    return ok("every alternative and both ends of every range are accepted")
 
 
 def _effect(context: CheckContext, pool: EnginePool) -> Finding:
-    """Whether other actions lead anywhere else."""
     title = "actions have an effect"
     num_steps = min(context.recording.num_steps, MAX_EFFECT_STEPS)
     seed = context.config.seed
@@ -104,6 +93,6 @@ def _effect(context: CheckContext, pool: EnginePool) -> Finding:
         return ok(title, f"seen in {found.policy}.{found.what} at step {found.step}")
     return warn(
         title,
-        f"{num_steps} steps with other actions were the same to the bit",
-        "apply_action() may be ignored, or the observation does not show what it does",
+        f"{num_steps} steps with other actions were equal to the bit",
+        "apply_action() may do nothing, or the observation does not show what it does",
     )

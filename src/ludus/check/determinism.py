@@ -1,4 +1,4 @@
-"""The determinism certificate: two processes, same seed and actions, same bits."""
+"""The determinism certificate: the same seed and actions in two processes give the same bits."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from typing import Any
 from ludus.check.context import CheckContext
 from ludus.check.difference import first_difference
 from ludus.check.finding import Finding, fail, ok
-from ludus.check.recording import Recording, record
+from ludus.check.recording import record
 
 __all__ = ["certificate", "check_determinism"]
 
 FORMAT = 1
-"""Counted up when recordings or random actions change."""
+"""Raised by one whenever recordings or random actions change."""
 
 
 def check_determinism(context: CheckContext) -> list[Finding]:
-    """Play the same in a second process and compare every frame."""
+    """Play the same episodes in a second process and compare every frame."""
     title = "two processes give the same bits"
     first = context.recording
     with context.other_pool() as pool:
@@ -29,8 +29,8 @@ def check_determinism(context: CheckContext) -> list[Finding]:
             fail(
                 title,
                 f"first difference: {found.describe('first process', 'second process')}",
-                "no randf(), no Time, no Timer of the real clock, no _process(), no order of a "
-                "Dictionary of nodes: LudusWorld.rng and _physics_process() only",
+                "use LudusWorld.rng and _physics_process() only: no randf(), no Time, no Timer on "
+                "the real clock, no _process(), no order of a Dictionary with nodes as keys",
                 **found.to_json(),
             )
         ]
@@ -44,12 +44,17 @@ def check_determinism(context: CheckContext) -> list[Finding]:
 
 
 def certificate(context: CheckContext) -> dict[str, Any]:
-    """Return the hash of all frames of the recording, with what it depends on."""
+    """Return the hash of all frames of the recording, and what it depends on."""
     recording = context.recording
+    spec = {
+        "ticks_per_step": recording.spec.ticks_per_step,
+        "tick_rate": recording.spec.tick_rate,
+        "policies": {policy.name: policy.fingerprint() for policy in recording.spec.policies},
+    }
     return {
         "hash": recording.digest(),
         "format": FORMAT,
-        "spec": spec_fingerprint(recording),
+        "spec": hashlib.sha256(json.dumps(spec, sort_keys=True).encode()).hexdigest(),
         "engine": context.engine_version,
         "layout": recording.spec.layout,
         "num_worlds": recording.spec.num_worlds,
@@ -57,14 +62,3 @@ def certificate(context: CheckContext) -> dict[str, Any]:
         "ticks": recording.frames[-1].tick - recording.frames[0].tick,
         "seed": recording.seed,
     }
-
-
-def spec_fingerprint(recording: Recording) -> str:
-    """Return a hash of all policies' entries and actions, and of the time step."""
-    spec = recording.spec
-    content = {
-        "ticks_per_step": spec.ticks_per_step,
-        "tick_rate": spec.tick_rate,
-        "policies": {policy.name: policy.fingerprint() for policy in spec.policies},
-    }
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -1,19 +1,19 @@
-"""Where two recordings first differ, to the bit."""
+"""The first bit in which two recordings differ."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.check.recording import Frame, Recording, named_arrays
+from ludus.check.recording import Recording, named_arrays
 from ludus.spec import Spec
 from ludus.spec.batch import Batch
 
-__all__ = ["Difference", "first_difference", "frame_difference", "standing_difference"]
+__all__ = ["Difference", "first_difference", "standing_difference"]
 
 _STANDING = ("observation", "active", "action_mask")
 
@@ -45,7 +45,7 @@ class Difference:
     values: tuple[float, float]
 
     def describe(self, first: str = "first", second: str = "second") -> str:
-        """Say it in one sentence; ``first`` and ``second`` name the two runs."""
+        """Describe the difference; ``first`` and ``second`` name the two runs."""
         index = "".join(f"[{i}]" for i in self.element)
         one, two = self.values
         return (
@@ -55,82 +55,55 @@ class Difference:
 
     def to_json(self) -> dict[str, Any]:
         """Return the difference as JSON values."""
-        return {
-            "step": self.step,
-            "tick": self.tick,
-            "policy": self.policy,
-            "what": self.what,
-            "slot": self.slot,
-            "world": self.world,
-            "agent": self.agent,
-            "element": list(self.element),
-            "values": list(self.values),
-        }
+        return {**asdict(self), "element": list(self.element), "values": list(self.values)}
 
 
 def first_difference(one: Recording, two: Recording) -> Difference | None:
-    """Return the first difference of two recordings of equal games, or None."""
+    """Return the first difference between two recordings of one game; None if there is none."""
     start = one.frames[0].tick
     for step, (first, second) in enumerate(zip(one.frames, two.frames, strict=False)):
-        found = frame_difference(one.spec, first.batches, second.batches, step, first.tick - start)
+        found = _frame_difference(one.spec, first.batches, second.batches)
         if found is not None:
-            return found
+            return replace(found, step=step, tick=first.tick - start)
     return None
 
 
 def standing_difference(
-    spec: Spec, one: Mapping[str, Batch], two: Mapping[str, Batch], worlds: Iterable[int]
+    spec: Spec, one: Mapping[str, Batch], two: Mapping[str, Batch], first_world: int = 0
 ) -> Difference | None:
-    """Return the first difference between where the agents of some worlds stand, or None.
+    """Return the first difference in the state of the worlds from ``first_world`` on, or None.
 
-    Observations, activity and masks count; outcomes of the last step do not.
+    Observations, activity and masks are compared; outcomes of the last step are not.
     """
-    first = Recording(spec, 0, (Frame(0, dict(one)),))
-    second = Recording(spec, 0, (Frame(0, dict(two)),))
-    for world in worlds:
-        own, other = first.world(world), second.world(world)
-        found = frame_difference(
-            own.spec, own.frames[0].batches, other.frames[0].batches, is_standing_only=True
-        )
-        if found is not None:
-            return found
-    return None
+    return _frame_difference(spec, one, two, first_world, _STANDING)
 
 
-def frame_difference(
+def _frame_difference(
     spec: Spec,
     one: Mapping[str, Batch],
     two: Mapping[str, Batch],
-    step: int = 0,
-    tick: int = 0,
-    *,
-    is_standing_only: bool = False,
+    first_world: int = 0,
+    prefixes: tuple[str, ...] = ("",),
 ) -> Difference | None:
-    """Return the first number that is not the same in two answers, or None.
-
-    With ``is_standing_only`` the outcomes of the last step do not count.
-    """
+    """Compare the arrays whose names begin with one of ``prefixes``."""
     for policy in spec.policies:
+        skipped = first_world * policy.agents_per_world
         pairs = zip(named_arrays(one[policy.name]), named_arrays(two[policy.name]), strict=True)
         for (what, first), (_, second) in pairs:
-            if is_standing_only and not what.startswith(_STANDING):
+            if not what.startswith(prefixes):
                 continue
-            place = _first_place(first, second)
+            place = _first_place(first[skipped:], second[skipped:])
             if place is None:
                 continue
-            slot = place[0] if len(place) else -1
-            agent = policy.agents[slot] if slot >= 0 else None
-            return Difference(
-                step=step,
-                tick=tick,
-                policy=policy.name,
-                what=what,
-                slot=slot,
-                world=-1 if agent is None else agent.world,
-                agent="?" if agent is None else agent.path or "(joined later)",
-                element=place[1:],
-                values=(_number(first, place), _number(second, place)),
-            )
+            if not place:
+                lengths = (float(len(first)), float(len(second)))
+                return Difference(0, 0, policy.name, what, -1, -1, "?", (), lengths)
+            slot, *element = place[0] + skipped, *place[1:]
+            agent = policy.agents[slot]
+            path = agent.path or "(joined later)"
+            values = (float(first[(slot, *element)]), float(second[(slot, *element)]))
+            world = agent.world
+            return Difference(0, 0, policy.name, what, slot, world, path, tuple(element), values)
     return None
 
 
@@ -143,7 +116,3 @@ def _first_place(one: NDArray[Any], two: NDArray[Any]) -> tuple[int, ...] | None
     bits = np.dtype(f"u{one.dtype.itemsize}")
     unequal = np.ascontiguousarray(one).view(bits) != np.ascontiguousarray(two).view(bits)
     return tuple(int(i) for i in np.argwhere(unequal)[0])
-
-
-def _number(values: NDArray[Any], place: tuple[int, ...]) -> float:
-    return float(values[place]) if place else float(len(values))

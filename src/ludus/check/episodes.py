@@ -1,9 +1,9 @@
-"""Are two recordings the same episodes, up to rounding and the chaos that grows from it?
+"""Do two recordings show the same episodes, up to rounding and the chaos that grows from it?
 
-Copies in a grid lie at other coordinates and are solved in another order, so their numbers differ
-in the last bits, and a chaotic game drifts apart from there. Games that really differ show it in
-the first observation or the first step, jump apart from one step to the next in many worlds, or
-have other episodes on the whole.
+Copies in a grid have other coordinates and are solved in another order, so their numbers differ in
+the last bits, and a chaotic game drifts apart from there. Games that really differ show it in the
+first observation or the first step, jump apart within one step in many worlds, or have episodes of
+other lengths or returns.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ludus.check.difference import Difference, first_difference
-from ludus.check.numbers import differences, element_names, scales
+from ludus.check.numbers import differences, largest_difference, scales
 from ludus.check.recording import Recording
 from ludus.play.episodes import EpisodeTracker
 
 __all__ = ["Comparison", "Verdict", "compare_episodes"]
 
 FIRST_TOLERANCE = 1e-3
-"""Of the first observation, in units of the element's usual size."""
+"""For the first observation, in units of the element's usual size."""
 STEP_TOLERANCE = 2e-2
-"""Of the first step; rounding has grown only a little by then."""
+"""For the first step; rounding errors are still small then."""
 DIVERGED = 5e-2
 JUMP_FROM = 1e-4
-"""A world that was as close as this and has diverged a step later has jumped."""
+"""A world that was this close and has diverged one step later has jumped."""
 MAX_JUMPING_SHARE = 0.25
 MAX_STANDARD_ERRORS = 5.0
 MIN_EPISODES = 8
@@ -49,8 +49,8 @@ class Comparison:
     Attributes:
         verdict: How alike they are.
         reason: Why they count as different, or how close they are.
-        difference: The first number that is not the same to the bit.
-        close_steps: Steps until the first world has drifted apart.
+        difference: The first number that is not equal to the bit.
+        close_steps: Steps until the first world has diverged.
         largest: Largest difference until then, in units of the elements' usual size.
     """
 
@@ -61,7 +61,7 @@ class Comparison:
     largest: float
 
     def describe(self) -> str:
-        """Say it in a sentence."""
+        """Describe the result in one sentence."""
         if self.verdict is Verdict.EQUAL:
             return str(self.verdict)
         return f"{self.verdict}: {self.reason}"
@@ -89,17 +89,17 @@ def compare_episodes(isolated: Recording, grid: Recording) -> Comparison:
     if reason:
         reason += f"; first differing bit: {found.describe('isolated', 'grid')}"
         return Comparison(Verdict.DIFFERENT, reason, found, close_steps, largest)
-    reason = f"largest difference {largest:.1g} of the usual size"
+    reason = f"the largest difference is {largest:.1g} of the usual size"
     if close_steps < num_steps:
-        reason += f" until step {close_steps}, from where rounding errors grow"
+        reason += f" up to step {close_steps}; rounding errors grow after it"
     return Comparison(Verdict.CLOSE, reason, found, close_steps, largest)
 
 
 class _Drift:
-    """How far each world is from its twin, step by step.
+    """The distance of each world from its twin in the other layout, step by step.
 
-    ``size`` is ``float64[num_steps + 1, num_worlds]`` in units of the usual size of each element; a
-    world whose twin ended an episode at another step has drifted apart for good.
+    ``size`` is ``float64[num_steps + 1, num_worlds]`` in units of each element's usual size. It is
+    infinite where an episode ended in one layout only.
     """
 
     def __init__(self, isolated: Recording, grid: Recording) -> None:
@@ -118,13 +118,13 @@ class _Drift:
                 self.size[step] = np.maximum(self.size[step], by_world)
 
     def horizon(self) -> tuple[int, float]:
-        """Return the steps until some world has diverged, and the largest difference till then."""
+        """Return the steps until a world has diverged, and the largest difference until then."""
         diverged = (self.size > DIVERGED).any(axis=1)
         steps = int(diverged.argmax()) if diverged.any() else len(self.size)
         return max(0, steps - 1), float(self.size[:steps].max(initial=0.0))
 
     def early_difference(self) -> str:
-        """Say what differs too much in the first observation or the first step, if anything."""
+        """Describe a difference in the first observation or step that rounding cannot explain."""
         for step, tolerance in ((0, FIRST_TOLERANCE), (1, STEP_TOLERANCE)):
             if step < len(self.size) and (self.size[step] > tolerance).any():
                 world = int(self.size[step].argmax())
@@ -133,7 +133,7 @@ class _Drift:
         return ""
 
     def jumps(self) -> str:
-        """Say where many worlds jump apart from one step to the next, if they do."""
+        """Describe where many worlds jump apart within one step, if they do."""
         was_close = np.maximum.accumulate(self.size, axis=0)[:-1] <= JUMP_FROM
         jumped = was_close & (self.size[1:] > DIVERGED)
         worlds = np.flatnonzero(jumped.any(axis=0))
@@ -147,25 +147,16 @@ class _Drift:
         )
 
     def _largest(self, step: int, world: int) -> str:
-        one, two = self._isolated.world(world), self._grid.world(world)
-        for policy in one.spec.policies:
-            before, after = one.frames[step].batches, two.frames[step].batches
-            size = differences(policy, before, after, self._scale)
-            slot, column = (int(i) for i in np.unravel_index(size.argmax(), size.shape))
-            if size[slot, column] <= 0:
-                continue
-            entry, element = element_names(policy)[column]
-            a = before[policy.name].observation[entry].reshape(policy.num_agents, -1)
-            b = after[policy.name].observation[entry].reshape(policy.num_agents, -1)
-            return (
-                f'{policy.name}.observation["{entry}"][{element}] is {a[slot, element]:.6g} '
-                f"isolated and {b[slot, element]:.6g} in the grid"
-            )
-        return "an episode ended in one layout only"
+        one, two = (recording.frames[step].batches for recording in (self._isolated, self._grid))
+        found = largest_difference(self._isolated.spec, one, two, self._scale, world)
+        if found is None or np.isinf(self.size[step, world]):
+            return "an episode ended in one layout only"
+        isolated, grid = found.values
+        return f"{found.name} is {isolated:.6g} isolated and {grid:.6g} in the grid"
 
 
 def _other_statistics(isolated: Recording, grid: Recording) -> str:
-    """Say in what the episodes differ on the whole, if in anything."""
+    """Describe a difference in the mean length or return of episodes that chance cannot explain."""
     for name in (policy.name for policy in isolated.spec.policies):
         one, two = _episodes(isolated, name), _episodes(grid, name)
         for what, a, b in zip(("length", "return"), one, two, strict=True):
@@ -181,7 +172,7 @@ def _other_statistics(isolated: Recording, grid: Recording) -> str:
 
 
 def _episodes(recording: Recording, policy: str) -> tuple[NDArray[Any], ...]:
-    """Return lengths and returns of all complete episodes."""
+    """Return the lengths and the returns of all complete episodes."""
     first = recording.frames[0].batches[policy]
     tracker = EpisodeTracker(first.num_agents, None)
     tracker.begin(slice(None), first)

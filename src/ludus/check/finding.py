@@ -1,8 +1,8 @@
-"""What a check found."""
+"""The findings of a check."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from typing import Any
 
@@ -10,7 +10,7 @@ __all__ = ["Finding", "Status"]
 
 
 class Status(StrEnum):
-    """How good a finding is; only ``FAIL`` makes the whole check fail."""
+    """Severity of a finding; only ``FAIL`` makes the whole check fail."""
 
     OK = "ok"
     INFO = "info"
@@ -20,11 +20,11 @@ class Status(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at.
+    """One result of a check.
 
     Attributes:
-        status: How good it is.
-        title: What was looked at, in a few words.
+        status: Its severity.
+        title: What was checked, in a few words.
         detail: What was seen, and what was expected.
         hint: What the reader can do about it; empty if there is nothing to do.
         data: Figures, as JSON values.
@@ -38,30 +38,24 @@ class Finding:
 
     def to_json(self) -> dict[str, Any]:
         """Return the finding as JSON values."""
-        return {
-            "status": str(self.status),
-            "title": self.title,
-            "detail": self.detail,
-            "hint": self.hint,
-            "data": self.data,
-        }
+        return asdict(self)
 
 
 def ok(title: str, detail: str = "", **data: Any) -> Finding:
-    """Say that something is as it should be."""
+    """Return a finding that a rule is kept."""
     return Finding(Status.OK, title, detail, data=data)
 
 
 def info(title: str, detail: str = "", hint: str = "", **data: Any) -> Finding:
-    """Say something worth knowing."""
+    """Return a finding worth knowing, or that a check does not apply."""
     return Finding(Status.INFO, title, detail, hint, data)
 
 
 def warn(title: str, detail: str, hint: str = "", **data: Any) -> Finding:
-    """Say that something will probably hurt learning."""
+    """Return a finding of what will probably hurt learning."""
     return Finding(Status.WARN, title, detail, hint, data)
 
 
 def fail(title: str, detail: str, hint: str = "", **data: Any) -> Finding:
-    """Say that a rule was broken."""
+    """Return a finding that a rule is broken."""
     return Finding(Status.FAIL, title, detail, hint, data)

@@ -1,8 +1,9 @@
-"""Rules that every frame obeys whatever the game does (PROTOCOL.md §7, "Meaning")."""
+"""Rules that every frame keeps, whatever the game does (PROTOCOL.md §7, "Meaning")."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,6 @@ from numpy.typing import NDArray
 from ludus.check.context import CheckContext
 from ludus.check.finding import Finding, fail, ok
 from ludus.check.recording import Recording
-from ludus.spec import PolicySpec
 from ludus.spec.batch import Batch
 
 __all__ = ["RULES", "apply_rule", "check_frame_rules"]
@@ -19,7 +19,7 @@ Rule = Callable[[Batch, Batch], NDArray[np.bool_]]
 
 
 def check_frame_rules(context: CheckContext) -> list[Finding]:
-    """Check flags, finals and inactive slots in every frame of random play."""
+    """Check flags, final observations and inactive slots in every frame of random play."""
     recording = context.recording
     return [apply_rule(recording, title, rule, hint) for title, (rule, hint) in RULES.items()]
 
@@ -50,7 +50,7 @@ def _active_until_end(before: Batch, batch: Batch) -> NDArray[np.bool_]:
 
 
 RULES: dict[str, tuple[Rule, str]] = {
-    "terminated and truncated never both": (_never_both, "is_done() decides first"),
+    "terminated and truncated are never both true": (_never_both, "is_done() takes precedence"),
     "final observations exactly where an episode ended": (_finals_where_ended, ""),
     "outcomes only for agents that acted": (_only_where_active, ""),
     "inactive agents observe zeros": (_zeros_where_inactive, ""),
@@ -63,20 +63,16 @@ RULES: dict[str, tuple[Rule, str]] = {
 
 
 def apply_rule(recording: Recording, title: str, rule: Rule, hint: str) -> Finding:
-    """Apply one rule to every frame; the first place where it is broken is named."""
-    for step, policy, slot in _violations(recording, rule):
-        agent = policy.agents[slot]
-        detail = (
-            f"broken at step {step} by policy {policy.name}, world {agent.world}, "
-            f"agent {agent.path or '(joined later)'}"
-        )
-        return fail(title, detail, hint, step=step, policy=policy.name, slot=slot)
-    return ok(title, f"in all {recording.num_steps} steps")
-
-
-def _violations(recording: Recording, rule: Rule) -> Iterator[tuple[int, PolicySpec, int]]:
-    for step in range(1, len(recording.frames)):
-        before, now = recording.frames[step - 1].batches, recording.frames[step].batches
+    """Apply one rule to every frame; the finding names the first place where it is broken."""
+    for step, (last, frame) in enumerate(pairwise(recording.frames), 1):
         for policy in recording.spec.policies:
-            for slot in np.flatnonzero(rule(before[policy.name], now[policy.name])):
-                yield step, policy, int(slot)
+            broken = np.flatnonzero(rule(last.batches[policy.name], frame.batches[policy.name]))
+            if len(broken):
+                slot = int(broken[0])
+                agent = policy.agents[slot]
+                detail = (
+                    f"broken at step {step} by policy {policy.name}, world {agent.world}, "
+                    f"agent {agent.path or '(joined later)'}"
+                )
+                return fail(title, detail, hint, step=step, policy=policy.name, slot=slot)
+    return ok(title, f"in all {recording.num_steps} steps")

@@ -1,4 +1,4 @@
-"""Gymnasium's own checker over a world with one agent."""
+"""Gymnasium's own checker on a world with one agent."""
 
 from __future__ import annotations
 
@@ -17,8 +17,10 @@ __all__ = ["check_gymnasium"]
 TITLE = "gymnasium.utils.env_checker.check_env"
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 _REPORTED_ELSEWHERE = ("infinity", "alternative render modes")
-"""Bounds belong to the observation report; a game draws itself, and needs a screen for it."""
-_FORMAT_HINT = "run the observation report's advice first; else this is a defect of Ludus"
+"""Bounds are in the observation report; a game renders itself, and needs a screen for that."""
+_FORMAT_HINT = (
+    "follow the advice of the observation report first; otherwise it is a defect of Ludus"
+)
 
 
 def check_gymnasium(context: CheckContext) -> list[Finding]:
@@ -27,34 +29,31 @@ def check_gymnasium(context: CheckContext) -> list[Finding]:
     if reason:
         return [info(TITLE, f"does not apply: {reason}")]
     try:
-        with context.other_pool(num_worlds=1) as pool:
-            return _run(LudusEnv(pool))
+        with (
+            context.other_pool(num_worlds=1) as pool,
+            warnings.catch_warnings(record=True) as caught,
+        ):
+            warnings.simplefilter("always")
+            check_env(LudusEnv(pool), skip_close_check=True)
+    except AssertionError as error:
+        return [fail(TITLE, _plain(str(error)), _FORMAT_HINT)]
     except OneEngineOnly as error:
         return [info(TITLE, error.message, error.hint)]
+    texts = [_plain(str(warning.message)) for warning in caught]
+    texts = [text for text in texts if not any(part in text for part in _REPORTED_ELSEWHERE)]
+    return [ok(TITLE), *(warn("Gymnasium warns", text) for text in dict.fromkeys(texts))]
 
 
 def _not_applicable(spec: Spec) -> str:
     policy, *others = spec.policies
     if others:
         names = ", ".join(policy.name for policy in spec.policies)
-        return f"there are several policies ({names}); act for all with ludus.open_pool"
+        return f"there are several policies ({names}); use ludus.open_pool"
     if policy.agents_per_world > 1:
-        return f"a world has {policy.agents_per_world} agents; ludus.make_vec serves them"
+        return f"a world has {policy.agents_per_world} agents; use ludus.make_vec"
     if policy.has_action_mask:
-        return "it knows no action masks, and would act illegally"
+        return "it does not know action masks, and would choose forbidden actions"
     return ""
-
-
-def _run(env: LudusEnv) -> list[Finding]:
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        try:
-            check_env(env, skip_close_check=True)
-        except AssertionError as error:
-            return [fail(TITLE, _plain(str(error)), _FORMAT_HINT)]
-    texts = [_plain(str(warning.message)) for warning in caught]
-    texts = [text for text in texts if not any(part in text for part in _REPORTED_ELSEWHERE)]
-    return [ok(TITLE), *(warn("Gymnasium warns", text) for text in dict.fromkeys(texts))]
 
 
 def _plain(text: str) -> str:

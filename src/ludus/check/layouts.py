@@ -1,4 +1,4 @@
-"""Isolated and grid: do the copies play the same episodes, and how much faster is the grid?"""
+"""Do isolated worlds and the grid play the same episodes, and how much faster is the grid?"""
 
 from __future__ import annotations
 
@@ -17,60 +17,60 @@ __all__ = ["check_layouts"]
 
 TITLE = "isolated and grid play the same episodes"
 LAYOUTS = {"isolated": "isolated", "grid": "in the grid"}
+"""How to say that a game runs in a layout."""
 SCRIPT_STEPS = 64
 NUM_SLICES = 8
 GRID_HINT = (
-    "use coordinates local to the scene's root (position, not global_position), and let "
-    "LudusWorld.spacing be larger than anything reaches"
+    "use coordinates local to the scene's root (position, not global_position), and make "
+    "LudusWorld.spacing larger than the reach of anything in the scene"
 )
 
 
 def check_layouts(context: CheckContext) -> list[Finding]:
-    """Play in both layouts, compare the episodes and the speed."""
+    """Play in both layouts and compare the episodes and the speed."""
     num = context.config.num_layout_worlds
-    asks_for_grid = context.spec.layout == "grid"
-    other = "isolated" if asks_for_grid else "grid"
-    with contextlib.ExitStack() as pools:
+    own = context.spec.layout
+    other = "isolated" if own == "grid" else "grid"
+    pools: dict[str, EnginePool] = {}
+    with contextlib.ExitStack() as stack:
         try:
-            own_pool = pools.enter_context(context.other_pool(num_worlds=num))
+            pools[own] = stack.enter_context(context.other_pool(num_worlds=num))
         except OneEngineOnly as error:
             return [info(TITLE, error.message, error.hint)]
         try:
-            other_pool = pools.enter_context(context.other_pool(num_worlds=num, layout=other))
+            pools[other] = stack.enter_context(context.other_pool(num_worlds=num, layout=other))
         except (TargetError, ConfigError) as error:
             return [info(TITLE, f"this game does not run {LAYOUTS[other]}: {error.message}")]
-        isolated_pool, grid_pool = (
-            (other_pool, own_pool) if asks_for_grid else (own_pool, other_pool)
+        isolated, grid = (
+            record(pools[layout], context.config.seed, context.config.num_steps)
+            for layout in LAYOUTS
         )
-        isolated = record(isolated_pool, context.config.seed, context.config.num_steps)
-        grid = record(grid_pool, context.config.seed, context.config.num_steps)
-        speeds = _agent_steps_per_s((isolated_pool, grid_pool), context)
+        speeds = _agent_steps_per_s([pools[layout] for layout in LAYOUTS], context)
     comparison = compare_episodes(isolated, grid)
-    return [
-        _verdict(comparison, grid, asks_for_grid=asks_for_grid),
-        _speed(*speeds, num, comparison, asks_for_grid=asks_for_grid),
-    ]
+    return [_verdict(comparison, grid, own), _speed(*speeds, num, comparison, own)]
 
 
-def _verdict(comparison: Comparison, grid: Recording, *, asks_for_grid: bool) -> Finding:
+def _verdict(comparison: Comparison, grid: Recording, own: str) -> Finding:
     detail = f"{grid.spec.num_worlds} worlds, {grid.num_steps} steps: {comparison.describe()}"
     if comparison.verdict is not Verdict.DIFFERENT:
         return ok(TITLE, detail, **comparison.to_json())
-    if asks_for_grid:
+    if own == "grid":
         return fail(TITLE, detail, GRID_HINT, **comparison.to_json())
-    hint = f"stay isolated, or: {GRID_HINT}"
-    return info("the grid plays other episodes than isolated", detail, hint, **comparison.to_json())
+    hint = f"stay isolated; or {GRID_HINT}"
+    return info(
+        "the grid plays other episodes than isolated worlds", detail, hint, **comparison.to_json()
+    )
 
 
 def _speed(
-    isolated: float, grid: float, num_worlds: int, comparison: Comparison, *, asks_for_grid: bool
+    isolated: float, grid: float, num_worlds: int, comparison: Comparison, own: str
 ) -> Finding:
-    title = f"the grid is {grid / isolated:.2g} times as fast as isolated"
+    title = f"the grid is {grid / isolated:.2g} times as fast as isolated worlds"
     detail = f"{grid:,.0f} and {isolated:,.0f} agent-steps/s with {num_worlds} worlds in one engine"
     hint = ""
-    if not asks_for_grid and grid > 1.2 * isolated and comparison.verdict is not Verdict.DIFFERENT:
+    if own != "grid" and grid > 1.2 * isolated and comparison.verdict is not Verdict.DIFFERENT:
         hint = "set LudusWorld.layout to Grid"
-    if asks_for_grid and isolated > 1.2 * grid:
+    if own == "grid" and isolated > 1.2 * grid:
         hint = "set LudusWorld.layout to Isolated, or compare with more worlds"
     data = {
         "num_worlds": num_worlds,
@@ -81,10 +81,8 @@ def _speed(
     return info(title, detail, hint, **data)
 
 
-def _agent_steps_per_s(
-    pools: tuple[EnginePool, EnginePool], context: CheckContext
-) -> tuple[float, float]:
-    """Time random play in turn, so that what else the machine does hits both; the best counts."""
+def _agent_steps_per_s(pools: list[EnginePool], context: CheckContext) -> tuple[float, float]:
+    """Time random play in turn, so that other load on the machine hits both; the best counts."""
     players = [_TimedPlay(pool, context.config.seed) for pool in pools]
     slice_s = context.config.timing_s / NUM_SLICES
     slices = [[player.agent_steps_per_s(slice_s) for player in players] for _ in range(NUM_SLICES)]
@@ -93,7 +91,7 @@ def _agent_steps_per_s(
 
 
 class _TimedPlay:
-    """Random play with actions drawn beforehand, where masks do not depend on the game."""
+    """Random play whose actions are drawn in advance, unless masks depend on the game."""
 
     def __init__(self, pool: EnginePool, seed: int) -> None:
         spec = pool.spec
@@ -102,11 +100,10 @@ class _TimedPlay:
         self._batches = pool.reset(seed)
         self._num_agents = sum(policy.num_agents for policy in spec.policies)
         is_masked = any(policy.has_action_mask for policy in spec.policies)
-        num_drawn = 0 if is_masked else SCRIPT_STEPS
-        self._drawn = [self._act(self._batches) for _ in range(num_drawn)]
+        self._drawn = [] if is_masked else [self._act(self._batches) for _ in range(SCRIPT_STEPS)]
 
     def agent_steps_per_s(self, seconds: float) -> float:
-        """Play for some seconds, at least one step."""
+        """Play for some seconds, at least one step, and return the speed."""
         num_steps, began, elapsed = 0, time.perf_counter(), 0.0
         while elapsed < seconds or not num_steps:
             step = num_steps % SCRIPT_STEPS

@@ -1,8 +1,9 @@
-"""What agents see and get under random play: ranges, constants, bounds, rewards, ends."""
+"""Observations, rewards and ends of episodes under random play."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -35,48 +36,33 @@ def check_observations(context: CheckContext) -> list[Finding]:
 
 
 def _entry(recording: Recording, policy: PolicySpec, entry: ObservationEntry) -> list[Finding]:
-    values = np.concatenate(list(_values(recording, policy, entry)))
+    batches = [frame.batches[policy.name] for frame in recording.frames]
+    arrays = [batch.observation[entry.name][batch.active] for batch in batches]
+    arrays += [batch.final_observation[entry.name] for batch in batches]
+    values = np.concatenate(arrays).reshape(-1, entry.size).astype(np.float64)
     name = f"{policy.name}.{entry.name}"
     low, high = values.min(axis=0), values.max(axis=0)
-    data: dict[str, Any] = _statistics(values) if entry.size <= MAX_LISTED else {}
+    data: dict[str, Any] = {}
+    if entry.size <= MAX_LISTED:
+        figures = {"min": low, "max": high, "mean": values.mean(axis=0), "std": values.std(axis=0)}
+        data = {name: figure.tolist() for name, figure in figures.items()}
     shape = "×".join(map(str, entry.shape))
     title = f"{name}: {shape} {entry.dtype}, {low.min():.4g} to {high.max():.4g}"
     findings = [ok(title, **data)]
     findings += _out_of_bounds(name, entry, low, high)
     constant = np.flatnonzero(low == high)
     if len(constant) and len(values) > 1:
-        which = f"elements {ranges(constant)}" if entry.size > 1 else "it"
+        which = f"elements {ranges(constant)}" if entry.size > 1 else "the value"
         same = f" ({low[constant[0]]:.6g})" if len(constant) == 1 else ""
         findings.append(
             warn(
                 f"{name}: constant elements",
                 f"{which} never changed in {recording.num_steps} steps{same}",
-                "leave out what is always the same, or check how it is computed",
+                "leave them out, or check how they are computed",
                 elements=constant.tolist(),
             )
         )
     return [*findings, *_large(name, entry, values)]
-
-
-def _values(
-    recording: Recording, policy: PolicySpec, entry: ObservationEntry
-) -> Iterator[NDArray[np.float64]]:
-    for frame in recording.frames:
-        batch = frame.batches[policy.name]
-        for values in (
-            batch.observation[entry.name][batch.active],
-            batch.final_observation[entry.name],
-        ):
-            yield values.reshape(len(values), entry.size).astype(np.float64)
-
-
-def _statistics(values: NDArray[np.float64]) -> dict[str, list[float]]:
-    return {
-        "min": values.min(axis=0).tolist(),
-        "max": values.max(axis=0).tolist(),
-        "mean": values.mean(axis=0).tolist(),
-        "std": values.std(axis=0).tolist(),
-    }
 
 
 def _out_of_bounds(
@@ -99,9 +85,9 @@ def _out_of_bounds(
 
 
 def _large(name: str, entry: ObservationEntry, values: NDArray[np.float64]) -> list[Finding]:
-    low, high = (np.isfinite(bound).reshape(-1) for bound in entry.bounds())
     if entry.dtype != "float32":
         return []
+    low, high = (np.isfinite(bound).reshape(-1) for bound in entry.bounds())
     typical = np.quantile(np.abs(values), LARGE_QUANTILE, axis=0)
     large = np.flatnonzero((typical > LARGE) & ~(low & high))
     if not len(large):
@@ -111,7 +97,7 @@ def _large(name: str, entry: ObservationEntry, values: NDArray[np.float64]) -> l
         warn(
             f"{name}: neither bounded nor near 1",
             f"elements {ranges(large)}; element {worst} typically reaches {typical[worst]:.4g}",
-            "divide by a usual size in get_observation(), or train with normalise_observation on",
+            "divide by a typical size in get_observation(), or train with normalise_observation on",
             elements=large.tolist(),
         )
     ]
@@ -119,28 +105,24 @@ def _large(name: str, entry: ObservationEntry, values: NDArray[np.float64]) -> l
 
 def _reward(recording: Recording, policy: PolicySpec) -> Finding:
     name = f"{policy.name}: reward"
-    rewards = np.concatenate(
-        [
-            frame.batches[policy.name].reward[before.batches[policy.name].active]
-            for before, frame in zip(recording.frames[:-1], recording.frames[1:], strict=True)
-        ]
-    )
+    batches = [frame.batches[policy.name] for frame in recording.frames]
+    rewards = np.concatenate([now.reward[last.active] for last, now in pairwise(batches)])
     if not len(rewards):
         return warn(name, "no agent acted")
     low, high = float(rewards.min()), float(rewards.max())
     if low == high == 0.0:
-        hint = "reward steps towards the goal, or make the goal reachable by chance"
-        return warn(name, "random play never got a reward other than 0", hint)
+        hint = "reward progress towards the goal, or make the goal reachable by chance"
+        return warn(name, "random play never received a reward other than 0", hint)
     if low != high:
         mean = float(rewards.mean())
         return ok(name, f"{low:.4g} to {high:.4g}, mean {mean:.4g}", min=low, max=high, mean=mean)
     if _count(recording, policy, lambda batch: batch.terminated):
-        detail = f"always {low:.4g}: only the length of an episode counts"
+        detail = f"always {low:.4g}: only the length of an episode matters"
         return ok(name, detail, min=low, max=high, mean=low)
     return warn(
         name,
-        f"always {low:.4g}, and no episode was terminated: nothing to learn from",
-        "reward what is good, or end the episode when it goes wrong",
+        f"always {low:.4g}, and no episode was terminated: there is nothing to learn from",
+        "reward what the agent should do, or terminate the episode when it fails",
     )
 
 
@@ -155,14 +137,14 @@ def _ends(recording: Recording, policy: PolicySpec) -> Finding:
     if limit is not None and limit > recording.num_steps:
         return info(
             title,
-            f"none within {recording.num_steps} steps; they are truncated after {limit}",
-            f"--steps {limit + 1} sees an end",
+            f"none did within {recording.num_steps} steps; they are truncated after {limit}",
+            f"run with --steps {limit + 1} to see an end",
             **counts,
         )
     return warn(
         title,
         f"no episode ended within {recording.num_steps} steps",
-        "set LudusAgent.max_episode_steps, or let is_done() return true at the goal",
+        "set LudusAgent.max_episode_steps, or return true from is_done() at the goal",
         **counts,
     )
 
@@ -172,7 +154,7 @@ def _count(recording: Recording, policy: PolicySpec, flags: Flags) -> int:
 
 
 def ranges(indices: Iterable[int]) -> str:
-    """Return ascending whole numbers in short: ``0–3, 7``."""
+    """Return ascending integers in short form: ``0–3, 7``."""
     runs: list[list[int]] = []
     for index in map(int, indices):
         if runs and index == runs[-1][1] + 1:

@@ -1,9 +1,9 @@
-"""Episodes of random play, kept whole so that they can be compared and examined."""
+"""Episodes of random play, recorded for comparison and examination."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ludus.play.players import random_player
 from ludus.pool import EnginePool
-from ludus.spec import PolicySpec, Spec
+from ludus.spec import Spec
 from ludus.spec.batch import Batch
 
 __all__ = ["Frame", "Recording", "record"]
@@ -62,22 +62,28 @@ class Recording:
         return len(self.frames) - 1
 
     def world(self, index: int) -> Recording:
-        """Return what one world did, as if it had been alone."""
+        """Return the recording of one world, as if it were the only one."""
         frames = tuple(
-            Frame(frame.tick, _world_batches(self.spec, frame.batches, index))
+            Frame(
+                frame.tick,
+                {
+                    policy.name: _rows_of(frame.batches[policy.name], policy.world_slots(index))
+                    for policy in self.spec.policies
+                },
+            )
             for frame in self.frames
         )
         policies = tuple(
-            replace(policy, agents=policy.agents[_rows(policy, index)])
+            replace(policy, agents=policy.agents[policy.world_slots(index)])
             for policy in self.spec.policies
         )
         spec = replace(self.spec, num_worlds=1, policies=policies)
         return Recording(spec, self.seed + index, frames)
 
     def first_ends(self) -> NDArray[np.int64]:
-        """Return ``int64[num_worlds]``: the step in which the first agent's first episode ended.
+        """Return ``int64[num_worlds]``: the first step in which an agent's episode ended.
 
-        Worlds in which none ended have ``num_steps + 1``.
+        It is ``num_steps + 1`` for worlds in which none did.
         """
         first = np.full(self.spec.num_worlds, self.num_steps + 1, np.int64)
         for step, frame in reversed(list(enumerate(self.frames))):
@@ -99,17 +105,18 @@ def record(
 ) -> Recording:
     """Reset all worlds with a seed and play random actions.
 
-    Fewer steps are played where ``num_steps`` of them would not fit into memory.
+    Fewer than ``num_steps`` steps are played if their frames would take too much memory.
 
     Args:
         pool: One engine.
         seed: World *i* gets ``seed + i``.
-        num_steps: How long to play.
-        action_seed: Seed of the actions, counted up per world like ``seed``; None takes ``seed``.
+        num_steps: Steps to play at most.
+        action_seed: Like ``seed``, for the actions; None: ``seed``.
     """
     batches = pool.reset(seed)
     frames = [Frame(pool.times(0).tick, batches)]
-    num_steps = max(1, min(num_steps, MAX_RECORDING_BYTES // _num_bytes(batches)))
+    arrays = [array for batch in batches.values() for _, array in named_arrays(batch)]
+    num_steps = max(1, min(num_steps, MAX_RECORDING_BYTES // sum(array.nbytes for array in arrays)))
     act = random_player(pool, seed if action_seed is None else action_seed)
     for _ in range(num_steps):
         batches = pool.step(act(batches))
@@ -118,7 +125,7 @@ def record(
 
 
 def named_arrays(batch: Batch) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield every array of a batch, in a fixed order, the telling ones first."""
+    """Yield every array of a batch in a fixed order, the most informative first."""
     for entry, values in batch.observation.items():
         yield f'observation["{entry}"]', values
     yield "reward", batch.reward
@@ -130,22 +137,6 @@ def named_arrays(batch: Batch) -> Iterator[tuple[str, NDArray[Any]]]:
     yield "final_index", batch.final_index
     for entry, values in batch.final_observation.items():
         yield f'final_observation["{entry}"]', values
-
-
-def _num_bytes(batches: Mapping[str, Batch]) -> int:
-    sizes = [array.nbytes for batch in batches.values() for _, array in named_arrays(batch)]
-    return max(1, sum(sizes))
-
-
-def _rows(policy: PolicySpec, world: int) -> slice:
-    return slice(world * policy.agents_per_world, (world + 1) * policy.agents_per_world)
-
-
-def _world_batches(spec: Spec, batches: Mapping[str, Batch], world: int) -> dict[str, Batch]:
-    return {
-        policy.name: _rows_of(batches[policy.name], _rows(policy, world))
-        for policy in spec.policies
-    }
 
 
 def _rows_of(batch: Batch, rows: slice) -> Batch:

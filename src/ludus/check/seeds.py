@@ -1,24 +1,25 @@
-"""Seeds: equal ones give equal bits, other ones give other episodes."""
+"""Seeds: equal seeds give equal bits, different seeds give different episodes."""
 
 from __future__ import annotations
+
+import contextlib
 
 import numpy as np
 
 from ludus.check.context import CheckContext, OneEngineOnly
 from ludus.check.difference import first_difference
 from ludus.check.finding import Finding, fail, info, ok, warn
-from ludus.check.recording import Recording, record
+from ludus.check.recording import record
 from ludus.errors import TargetError
-from ludus.spec.batch import Batch
 
 __all__ = ["check_seeds"]
 
-RNG_HINT = "draw all random numbers from LudusWorld.of(self).rng, and look at no clock"
+RNG_HINT = "draw all random numbers from LudusWorld.of(self).rng, and do not read the clock"
 OTHER_SEED = 1_000_003
 
 
 def check_seeds(context: CheckContext) -> list[Finding]:
-    """Check that seeds decide, and nothing else does."""
+    """Check that an episode depends on its seed and on nothing else."""
     findings = [_same_seed(context), _other_seed(context)]
     try:
         return [*findings, _alone_and_together(context)]
@@ -41,28 +42,26 @@ def _other_seed(context: CheckContext) -> Finding:
     with context.main_pool() as pool:
         other = pool.reset(context.config.seed + OTHER_SEED)
     first = context.recording.frames[0].batches
-    differ = [_has_other_observation(first[name], other[name]) for name in first]
-    if any(differ):
-        return ok(title)
+    for name, batch in first.items():
+        for entry, values in batch.observation.items():
+            if not np.array_equal(values, other[name].observation[entry]):
+                return ok(title)
     return warn(
         title,
         "every first observation was the same with another seed",
-        "the game uses no randomness, or not LudusWorld.rng; then all worlds see the same episodes",
-    )
-
-
-def _has_other_observation(one: Batch, two: Batch) -> bool:
-    return any(
-        not np.array_equal(values, two.observation[name])
-        for name, values in one.observation.items()
+        "the game uses no randomness, or does not draw it from LudusWorld.rng; then all worlds "
+        "play the same episodes",
     )
 
 
 def _alone_and_together(context: CheckContext) -> Finding:
-    """World *i* of N equals a single world with seed + i; isolated, or in the only layout."""
+    """Compare world *i* of N with a single world of seed + i, isolated if the game can be."""
     num_worlds, steps = context.spec.num_worlds, context.recording.num_steps
     title = f"world i of {num_worlds} equals a world alone with seed + i"
-    layout, together = _apart(context, steps)
+    layout, together = context.spec.layout, context.recording
+    if layout != "isolated":
+        with contextlib.suppress(TargetError), context.other_pool(layout="isolated") as pool:
+            layout, together = "isolated", record(pool, context.config.seed, steps)
     with context.other_pool(num_worlds=1, layout=layout) as pool:
         for world in sorted({0, num_worlds - 1}):
             alone = record(pool, context.config.seed + world, steps)
@@ -77,15 +76,3 @@ def _alone_and_together(context: CheckContext) -> Finding:
                     **found.to_json(),
                 )
     return ok(title, f"layout {layout}, {steps} steps, to the bit")
-
-
-def _apart(context: CheckContext, steps: int) -> tuple[str, Recording]:
-    """Play isolated, or in the layout that the game asks for if it has no other one."""
-    own = context.spec.layout
-    if own == "isolated":
-        return own, context.recording
-    try:
-        with context.other_pool(layout="isolated") as pool:
-            return "isolated", record(pool, context.config.seed, steps)
-    except TargetError:
-        return own, context.recording

@@ -1,4 +1,4 @@
-"""All checks, in the order in which a reader wants to hear of them."""
+"""All checks, in the order in which their findings are reported."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ CHECKS: dict[str, Check] = {
     "observations": check_observations,
     "layouts": check_layouts,
 }
-"""A check by name."""
+"""Checks by name."""
 
 
 @dataclass
 class CheckReport:
-    """What all checks found.
+    """The findings of all checks.
 
     Attributes:
         target: What was checked.
@@ -83,12 +83,12 @@ def run_checks(
 ) -> CheckReport:
     """Run every check on a target.
 
-    A check during which the game fails is a finding; the others go on with a new engine. If the
-    game cannot even be played at random, that is the only finding.
+    If the game fails during a check, that is a finding, and the next check starts a new engine. If
+    random play fails, that is the only finding.
 
     Args:
         config: What to check, and how thoroughly.
-        on_finding: Is told name of the check and finding as they come.
+        on_finding: Called with the check's name and each finding as it is made.
 
     Raises:
         UsageError: The target or a setting is wrong.
@@ -109,14 +109,14 @@ def run_checks(
         try:
             _ = context.recording
         except LudusError as error:
-            note("play", [_game_failed("the game plays", error)])
+            note("play", [_game_failed("random play runs without an error", error)])
             return report
         report.engine = context.engine_version
         for name, check in CHECKS.items():
             try:
                 note(name, check(context))
             except LudusError as error:
-                note(name, [_game_failed("the game goes on", error)])
+                note(name, [_game_failed("the check runs without an error", error)])
     return report
 
 

@@ -1,8 +1,9 @@
-"""Episode timing: what ticks when, and what a reset answers (ARCHITECTURE.md, "Episode timing")."""
+"""Episode timing: ticks per step, the answer to a reset, truncation."""
 
 from __future__ import annotations
 
 import time
+from itertools import pairwise
 
 import numpy as np
 
@@ -27,122 +28,120 @@ def check_timing(context: CheckContext) -> list[Finding]:
         findings = [
             _reset_answers(recording),
             _ticks(recording),
-            _stands_still(pool, context.config.seed),
-            _resets_alone(pool, context.config.seed),
+            _unchanged_until_action(pool, context.config.seed),
+            _others_unchanged(pool, context.config.seed),
+            _limit(recording, ""),
         ]
-    return [*findings, *_truncation(context)]
+    with context.other_pool(max_episode_steps=SHORT_EPISODE_STEPS) as pool:
+        short = record(pool, context.config.seed, 2 * SHORT_EPISODE_STEPS + 2)
+    return [*findings, _limit(short, " (set by the trainer)")]
 
 
 def _reset_answers(recording: Recording) -> Finding:
-    title = "reset answers with observations only"
+    title = "a reset is answered with observations only"
     for name, batch in recording.frames[0].batches.items():
         has_outcome = batch.terminated | batch.truncated | (batch.reward != 0)
         if has_outcome.any() or len(batch.final_index):
-            detail = f"policy {name}: the answer to a reset carries a reward or an end"
+            detail = (
+                f"policy {name}: the answer to a reset carries a reward or the end of an episode"
+            )
             return fail(title, detail, "this is a defect of the engine's add-on")
         if not batch.active.any():
             return fail(title, f"policy {name}: no agent is active after a reset")
-    return ok(title, "reward 0, nothing ended, agents active")
+    return ok(title, "reward 0, no episode ended, agents active")
 
 
 def _ticks(recording: Recording) -> Finding:
     expected = recording.spec.ticks_per_step
-    title = f"a step is {expected} ticks"
+    title = f"a step takes {expected} ticks"
     ticks = np.diff([frame.tick for frame in recording.frames])
-    # Worlds that settle before their first observation tick then, alone.
-    may_settle = np.array([_has_end(recording, step) for step in range(1, len(ticks) + 1)])
+    # After an end, worlds may settle for some ticks before their first observation.
+    may_settle = np.array(
+        [
+            any(len(batch.final_index) for batch in frame.batches.values())
+            for frame in recording.frames[1:]
+        ]
+    )
     wrong = np.flatnonzero(np.where(may_settle, ticks < expected, ticks != expected))
     if len(wrong):
         step = int(wrong[0]) + 1
         detail = f"step {step} took {int(ticks[step - 1])} ticks, expected {expected}"
         return fail(title, detail, "do not change the pause or the time scale of the tree")
     settle = int((ticks[may_settle] - expected).max(initial=0))
-    note = f", and {settle} more to settle after an end" if settle else ""
+    note = f", and up to {settle} more to settle after an end" if settle else ""
     return ok(title, f"in all {len(ticks)} steps{note}", settle_ticks=settle)
 
 
-def _has_end(recording: Recording, step: int) -> bool:
-    return any(len(batch.final_index) for batch in recording.frames[step].batches.values())
-
-
-def _stands_still(pool: EnginePool, seed: int) -> Finding:
-    """What reset returned is still there when the first action comes, however late that is."""
+def _unchanged_until_action(pool: EnginePool, seed: int) -> Finding:
+    """Check that nothing changes between a reset and the first action, however late that is."""
     title = "the first action acts on what reset returned"
     first = pool.reset(seed)
     tick = pool.times(0).tick
     time.sleep(WAIT_S)
-    again = pool.reset_worlds(_reset_none(pool.spec.num_worlds))
+    again = pool.reset_worlds(_leave_all(pool.spec.num_worlds))
     if pool.times(0).tick != tick:
         return fail(title, f"{pool.times(0).tick - tick} ticks passed between reset and action")
-    found = standing_difference(pool.spec, first, again, range(pool.spec.num_worlds))
+    found = standing_difference(pool.spec, first, again)
     if found is not None:
         return fail(
             title,
-            f"the game went on without a tick: {found.describe('at reset', 'a moment later')}",
-            "get_observation() must only look, and nothing may depend on the real clock",
+            f"the game changed without a tick: {found.describe('at reset', 'a moment later')}",
+            "get_observation() must change nothing, and nothing may depend on the real clock",
             **found.to_json(),
         )
     return ok(title, "no tick and no change in between")
 
 
-def _resets_alone(pool: EnginePool, seed: int) -> Finding:
-    """A reset of one world leaves all others alone."""
-    title = "a reset of one world leaves the others alone"
+def _others_unchanged(pool: EnginePool, seed: int) -> Finding:
+    title = "a reset of one world leaves the others unchanged"
     num = pool.spec.num_worlds
     if num < 2:
-        return info(title, "needs two worlds", "run with --num-worlds 2")
+        return info(title, "not checked: it needs two worlds", "run with --num-worlds 2")
     before = pool.reset(seed)
     act = random_player(pool, seed)
     for _ in range(3):
         before = pool.step(act(before))
-    request = _reset_none(num)
+    request = _leave_all(num)
     request.actions[0] = ResetAction.NEXT_EPISODE
     after = pool.reset_worlds(request)
-    found = standing_difference(pool.spec, before, after, range(1, num))
+    found = standing_difference(pool.spec, before, after, first_world=1)
     if found is not None:
         return fail(
             title,
-            f"world 0 was reset: {found.describe('before', 'after')}",
+            f"a reset of world 0 changed another: {found.describe('before', 'after')}",
             "worlds must not share nodes, groups, static variables or autoloads",
             **found.to_json(),
         )
     return ok(title, f"worlds 1 to {num - 1} are equal to the bit")
 
 
-def _truncation(context: CheckContext) -> list[Finding]:
-    findings = [_limit(context.recording, "")]
-    with context.other_pool(max_episode_steps=SHORT_EPISODE_STEPS) as pool:
-        short = record(pool, context.config.seed, 2 * SHORT_EPISODE_STEPS + 2)
-    return [*findings, _limit(short, " (set by the trainer)")]
-
-
-def _limit(recording: Recording, who: str) -> Finding:
-    """Check that no episode outlives its limit, and that one that reaches it is truncated."""
+def _limit(recording: Recording, origin: str) -> Finding:
+    """Check that an episode that reaches its limit ends there."""
     limits = {policy.name: policy.max_episode_steps for policy in recording.spec.policies}
     if all(limit is None for limit in limits.values()):
-        return info("no limit of steps is declared", hint="LudusAgent.max_episode_steps sets one")
+        return info("no step limit is declared", hint="LudusAgent.max_episode_steps sets one")
     shown = ", ".join(f"{limit or 'none'}" for limit in limits.values())
-    title = f"episodes are cut off after {shown} steps{who}"
+    title = f"episodes are truncated after {shown} steps{origin}"
     num_cut = 0
     for policy in recording.spec.policies:
         lengths = np.zeros(policy.num_agents, np.int64)
         limit = policy.max_episode_steps or len(recording.frames) + 1
-        for step in range(1, len(recording.frames)):
-            batch = recording.frames[step].batches[policy.name]
-            before = recording.frames[step - 1].batches[policy.name]
+        for step, (last, frame) in enumerate(pairwise(recording.frames), 1):
+            before, batch = last.batches[policy.name], frame.batches[policy.name]
             lengths += before.active
             has_ended = batch.terminated | batch.truncated
             late = np.flatnonzero(before.active & (lengths >= limit) & ~has_ended)
             if len(late):
                 detail = (
-                    f"policy {policy.name}, slot {int(late[0])}: the episode is "
-                    f"{int(lengths[late[0]])} steps old at step {step} and goes on"
+                    f"policy {policy.name}, slot {int(late[0])}: after step {step} the episode is "
+                    f"{int(lengths[late[0]])} steps long and has not ended"
                 )
                 return fail(title, detail)
             num_cut += int((batch.truncated & (lengths == limit)).sum())
             lengths[has_ended] = 0
-    return ok(title, f"{num_cut} episodes were", num_truncated=num_cut)
+    return ok(title, f"{num_cut} episodes reached the limit", num_truncated=num_cut)
 
 
-def _reset_none(num_worlds: int) -> ResetRequest:
+def _leave_all(num_worlds: int) -> ResetRequest:
+    """Return a request that resets no world."""
     return ResetRequest(np.zeros(num_worlds, np.uint64), np.zeros(num_worlds, np.uint8))

@@ -15,7 +15,7 @@ from ludus.check.finding import Finding, fail, info, ok
 from ludus.errors import UsageError
 from ludus.libraries import LudusVectorEnv
 from ludus.play.players import random_player
-from ludus.spec import DiscreteAction, PolicySpec
+from ludus.spec import ContinuousAction, DiscreteAction, PolicySpec
 from ludus.spec.batch import ActionBatch, Batch
 
 __all__ = ["check_vector_env"]
@@ -25,24 +25,25 @@ HINT = "this is a defect of Ludus; please report it with the scene"
 
 
 def check_vector_env(context: CheckContext) -> list[Finding]:
-    """Use the environment as a training library would."""
+    """Use the environment as a training library does."""
     if len(context.spec.policies) > 1:
         return [info("VectorEnv", "does not apply: there are several policies")]
     with context.main_pool() as pool:
         player = _Player(LudusVectorEnv(pool), context)
         checks: dict[str, Callable[[_Player], str]] = {
-            "VectorEnv: shapes and types": _forms,
+            "VectorEnv: shapes and types": _shapes,
             "VectorEnv: final_obs exactly where an episode ended": _finals,
             "VectorEnv: returned arrays are not reused": _copies,
             "VectorEnv: one seed for all equals seed + i": _seeds,
-            "VectorEnv: reset_mask begins only these worlds anew": _reset_mask,
+            "VectorEnv: reset_mask resets only the worlds it selects": _reset_mask,
             "VectorEnv: unknown options and wrong seeds are refused": _refusals,
         }
-        return [_finding(title, check(player)) for title, check in checks.items()]
+        problems = {title: check(player) for title, check in checks.items()}
+    return [fail(title, text, HINT) if text else ok(title) for title, text in problems.items()]
 
 
 class _Player:
-    """A VectorEnv, and legal random actions for it."""
+    """A ``VectorEnv`` and legal random actions for it."""
 
     def __init__(self, env: LudusVectorEnv, context: CheckContext) -> None:
         self.env = env
@@ -52,51 +53,44 @@ class _Player:
         self._mask: NDArray[np.bool_] | None = None
 
     def reset(self, **arguments: Any) -> Any:
-        """Reset, with the seed of the check unless told otherwise; return the observation."""
+        """Reset, by default with the seed of the check, and return the observation."""
         given: dict[str, Any] = {"seed": self.seed, **arguments}
         observation, infos = self.env.reset(**given)
         self._mask = infos.get("action_mask")
         return observation
 
     def step(self) -> tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Act at random."""
+        """Take random actions."""
         batch = Batch.allocate(self.env.policy, self.env.num_envs)
         batch.action_mask = self._mask
         actions = self._act({self.env.policy.name: batch})
-        result = self.env.step(to_space(self.env.policy, actions[self.env.policy.name]))
+        result = self.env.step(_to_space(self.env.policy, actions[self.env.policy.name]))
         self._mask = result[4].get("action_mask")
         return result
 
 
-def to_space(policy: PolicySpec, actions: ActionBatch) -> Any:
+def _to_space(policy: PolicySpec, actions: ActionBatch) -> Any:
     """Return actions in the form of the batched action space; see ``ludus.libraries.spaces``."""
     if not policy.continuous_size:
         return actions.discrete[:, 0] if policy.num_discrete == 1 else actions.discrete
     if not policy.num_discrete:
         return actions.continuous
-    values: dict[str, NDArray[Any]] = {}
-    choice = number = 0
-    for part in policy.action:
-        if isinstance(part, DiscreteAction):
-            values[part.name] = actions.discrete[:, choice]
-            choice += 1
-        else:
-            values[part.name] = actions.continuous[:, number : number + part.size]
-            number += part.size
-    return values
+    sizes = [part.size for part in policy.action if isinstance(part, ContinuousAction)]
+    numbers = iter(np.split(actions.continuous, np.cumsum(sizes)[:-1], axis=1))
+    choices = iter(actions.discrete.T)
+    return {
+        part.name: next(choices if isinstance(part, DiscreteAction) else numbers)
+        for part in policy.action
+    }
 
 
-def _finding(title: str, problem: str) -> Finding:
-    return fail(title, problem, HINT) if problem else ok(title)
-
-
-def _forms(player: _Player) -> str:
+def _shapes(player: _Player) -> str:
     env = player.env
     if env.metadata.get("autoreset_mode") is not AutoresetMode.SAME_STEP:
         return "metadata['autoreset_mode'] is not SAME_STEP"
     observation = player.reset()
     for step in range(3):
-        problem = _misfit(cast(Any, env).observation_space, observation, "observation")
+        problem = _incompatibility(cast(Any, env).observation_space, observation, "observation")
         if problem:
             return f"step {step}: {problem}"
         observation, reward, terminated, truncated, _ = player.step()
@@ -110,13 +104,13 @@ def _forms(player: _Player) -> str:
     return ""
 
 
-def _misfit(space: spaces.Space[Any], value: Any, name: str) -> str:
-    """Say in what the form of ``value`` differs from ``space``; its bounds do not count."""
+def _incompatibility(space: spaces.Space[Any], value: Any, name: str) -> str:
+    """Describe how shape or dtype of ``value`` differ from ``space``; bounds are not checked."""
     if isinstance(space, spaces.Dict):
         parts = cast(dict[str, spaces.Space[Any]], cast(Any, space).spaces)
         if set(value) != set(parts):
             return f"{name} has {sorted(value)}, expected {sorted(parts)}"
-        problems = (_misfit(part, value[key], key) for key, part in parts.items())
+        problems = (_incompatibility(part, value[key], key) for key, part in parts.items())
         return next(filter(None, problems), "")
     array = np.asarray(value)
     if array.shape != space.shape or array.dtype != space.dtype:
@@ -131,13 +125,15 @@ def _finals(player: _Player) -> str:
         has_ended = terminated | truncated
         if not has_ended.any():
             if "final_obs" in infos:
-                return f"step {step}: final_obs though nothing ended"
+                return f"step {step}: there is final_obs, but no episode ended"
             continue
         given = np.array([value is not None for value in infos["final_obs"]])
         if (given != has_ended).any() or (infos["_final_obs"] != has_ended).any():
-            return f"step {step}: final_obs of {given}, ended {has_ended}"
+            return f"step {step}: final_obs is given for {given}, but {has_ended} ended"
         first = infos["final_obs"][int(has_ended.argmax())]
-        problem = _misfit(cast(Any, player.env).single_observation_space, first, "final_obs")
+        problem = _incompatibility(
+            cast(Any, player.env).single_observation_space, first, "final_obs"
+        )
         if problem:
             return problem
     return ""
@@ -150,7 +146,7 @@ def _copies(player: _Player) -> str:
         following, *_ = player.step()
         for before, array in zip(kept, _arrays(observation), strict=True):
             if before.tobytes() != array.tobytes():
-                return f"step {step} overwrote the observation before it"
+                return f"step {step} overwrote the previous observation"
         for one, two in zip(_arrays(observation), _arrays(following), strict=True):
             if np.shares_memory(one, two):
                 return f"steps {step} and {step + 1} share memory"
@@ -186,7 +182,7 @@ def _refusals(player: _Player) -> str:
             player.reset(**arguments)
         except UsageError:
             continue
-        return f"{name} was taken"
+        return f"{name} was accepted"
     player.reset(options={"parameters": {}})
     return ""
 

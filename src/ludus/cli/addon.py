@@ -1,4 +1,4 @@
-"""``ludus addon``: copy the Ludus add-on into a game."""
+"""``ludus addon``: install the Ludus add-on in a game."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ __all__ = ["COMMAND", "RENAMED_FLAGS", "run"]
 
 @dataclass(frozen=True)
 class Install:
-    """Copy the add-on into a project, or upgrade it, and switch it on.
+    """Copy the add-on into a project, or upgrade it there, and enable it.
 
     Attributes:
         project: Folder of the project.
-        force: Overwrite files of the add-on that were changed there.
+        force: Overwrite files of the add-on that were changed by hand.
         legacy: For games written for godot-ai or, in Godot 3, for GymGodot or godot_gym_api: also
             install the classes of that legacy bridge, and back up the files that they replace.
     """
@@ -33,7 +33,7 @@ class Install:
 
 @dataclass(frozen=True)
 class Status:
-    """Say whether the add-on of a project is there, switched on, current and unchanged.
+    """Show whether a project has the add-on, and whether it is enabled, current and unchanged.
 
     Attributes:
         project: Folder of the project.
@@ -50,7 +50,7 @@ RENAMED_FLAGS = {"--classic": "--legacy", "--no-classic": "--no-legacy"}
 
 
 def run(command: Install | Status) -> int:
-    """Do what the subcommand says; return the exit code."""
+    """Run the subcommand; return the exit code."""
     return _install(command) if isinstance(command, Install) else _status(command)
 
 
@@ -60,7 +60,7 @@ def _install(command: Install) -> int:
     if command.legacy:
         _install_legacy_addon(command)
     else:
-        _tell("ludus add-on", install_addon(command.project, force=command.force))
+        _print_change("ludus add-on", install_addon(command.project, force=command.force))
     return 0
 
 
@@ -68,8 +68,8 @@ def _install_legacy_addon(command: Install) -> None:
     from ludus.legacy.addon import install_legacy_addon
 
     change = install_legacy_addon(command.project, force=command.force)
-    _tell("ludus add-on", change.addon)
-    _tell("ludus_classic", change.legacy)
+    _print_change("ludus add-on", change.addon)
+    _print_change("ludus_classic", change.legacy)
     for path in change.replaced:
         sys.stdout.write(f"  replaced: {path} (kept in {change.kept})\n")
     for path in change.without_action:
@@ -77,7 +77,7 @@ def _install_legacy_addon(command: Install) -> None:
         sys.stdout.write(f"  {path}: {text}\n")
 
 
-def _tell(name: str, change: AddonChange) -> None:
+def _print_change(name: str, change: AddonChange) -> None:
     what = "installed" if change.version_before is None else f"was {change.version_before}"
     counts = (
         f"{len(change.added)} new, {len(change.updated)} updated, {len(change.removed)} removed"
@@ -90,12 +90,12 @@ def _status(command: Status) -> int:
 
     status = addon_status(command.project)
     if not status.is_present:
-        sys.stdout.write("there is no Ludus add-on\n")
+        sys.stdout.write("the project has no Ludus add-on\n")
         return 1
     words = [
         f"version {status.version or 'unknown'}",
-        "switched on" if status.is_enabled else "not switched on",
-        "current" if status.is_current else "not the one of this ludus",
+        "enabled" if status.is_enabled else "not enabled",
+        "current" if status.is_current else "not the version of this Ludus",
     ]
     sys.stdout.write(f"ludus add-on: {', '.join(words)}\n")
     for path in status.changed:

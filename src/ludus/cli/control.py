@@ -56,27 +56,27 @@ def run(command: ControlCommand) -> int:
     """Send the requests and wait until they are taken; return 0.
 
     Raises:
-        UsageError: Nothing was asked for, or something that the run does not know.
+        UsageError: There is nothing to change, or a policy or mode is unknown.
         CheckpointError: There is no such run.
-        RunError: It is not running, has ended meanwhile, or did not react.
+        RunError: It is not running, has ended, or did not react.
     """
     from ludus.runs.control import SaveRequest, StopRequest
     from ludus.runs.run_folder import RunFolder
 
     folder, changes = _split_run(command.changes)
     if not changes and not command.save and not command.stop:
-        raise UsageError("nothing was asked for", f"name a mode, --save or --stop, {USAGE}")
+        raise UsageError("nothing to change", f"name a mode, --save or --stop, {USAGE}")
     found = _only_running() if folder is None else RunFolder.find(folder)
     requests: list[Request] = [*parse_changes(changes, found.read_config().policies)]
     requests += [SaveRequest()] * command.save + [StopRequest()] * command.stop
     if not found.is_running():
         raise RunError(
             f"the run {found.path} is not running",
-            f"ludus train --resume {found.path} goes on with it; ludus runs lists all",
+            f"to continue it: ludus train --resume {found.path}; ludus runs lists all runs",
         )
     _send(found, requests, command.timeout)
     asked = ", ".join([*changes, *["save"] * command.save, *["stop"] * command.stop])
-    sys.stdout.write(f"{found.path} has taken: {asked}\n")
+    sys.stdout.write(f"{found.path} accepted: {asked}\n")
     return 0
 
 
@@ -139,18 +139,18 @@ def _send(folder: RunFolder, requests: Sequence[Request], timeout_s: float) -> N
     while left := [path for path in left if path.exists()]:
         if not folder.is_running():
             if not (left := [path for path in left if path.exists()]):
-                return  # taken in the very end
+                return  # taken just before it ended
             for path in left:
                 with contextlib.suppress(OSError):
                     path.unlink()
             raise RunError(
                 f"the run {folder.path} ended before it took the request",
-                f"ludus train --resume {folder.path} goes on with it",
+                f"to continue it: ludus train --resume {folder.path}",
             )
         if time.monotonic() > deadline:
             raise RunError(
                 f"the run {folder.path} did not react within {timeout_s:g} s",
-                "it still will after its present update, unless it is being evaluated; wait "
-                "longer with --timeout",
+                "it handles requests after its current update, but not during the evaluation; to "
+                "wait longer: --timeout",
             )
         time.sleep(POLL_S)

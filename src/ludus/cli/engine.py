@@ -1,4 +1,4 @@
-"""``ludus engine``: install, list and examine game engines."""
+"""``ludus engine``: install, list and check game engines."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ KindName = Literal["godot4", "godot3"]
 
 @dataclass(frozen=True)
 class Install:
-    """Install an engine into the user's cache, unless a usable one is there already.
+    """Install an engine in the user's cache, unless the cache has a usable one.
 
     Attributes:
         kind: Which engine.
-        rendering: Also install what opening a window takes: a renderer and, on a Linux machine
-            without a screen, Xvfb.
-        templates: Also install the template that exports games for Linux (Godot 4).
-        force: Install again even if it is there.
+        rendering: Also install what the engine needs to draw: a renderer and, on a Linux
+            machine without a screen, Xvfb.
+        templates: Also install the template for exporting games for Linux (Godot 4).
+        force: Install again even if it is installed already.
     """
 
     kind: tyro.conf.Positional[KindName] = "godot4"
@@ -39,7 +39,7 @@ class Install:
 
 @dataclass(frozen=True)
 class List:
-    """List the engines that can be used.
+    """List the usable engines on this machine.
 
     Attributes:
         json: Print one JSON list on stdout.
@@ -50,7 +50,7 @@ class List:
 
 @dataclass(frozen=True)
 class Doctor:
-    """Look at this machine and say what is missing; exits with 1 if nothing can run.
+    """Check this machine and report what is missing; exits with 1 if no game can run.
 
     Attributes:
         json: Print one JSON list on stdout.
@@ -67,7 +67,7 @@ COMMAND: Any = (
 
 
 def run(command: Install | List | Doctor) -> int:
-    """Do what the subcommand says; return the exit code."""
+    """Run the subcommand; return the exit code."""
     if isinstance(command, Install):
         return _install(command)
     return _list(command) if isinstance(command, List) else _doctor(command)
@@ -82,27 +82,23 @@ def _install(command: Install) -> int:
         install_template,
     )
 
-    stages: list[str] = []
+    shown: set[str] = set()
 
     def show(stage: str, _: float | None) -> None:
-        if stage not in stages:
-            stages.append(stage)
+        if stage not in shown:
+            shown.add(stage)
             sys.stderr.write(f"{stage}\n")
 
-    engine = install_engine(
-        EngineKind(command.kind),
-        rendering=command.rendering,
-        force=command.force,
-        progress=show,
-    )
+    kind, force = EngineKind(command.kind), command.force
+    engine = install_engine(kind, rendering=command.rendering, force=force, progress=show)
     sys.stdout.write(f"{engine.kind} {engine.version_text}: {engine.path}\n")
     if command.rendering and not has_screen():
         try:
-            sys.stdout.write(f"Xvfb: {install_screen(force=command.force, progress=show)}\n")
-        except SetupError as error:  # the engine draws all the same where there is a screen
+            sys.stdout.write(f"Xvfb: {install_screen(force=force, progress=show)}\n")
+        except SetupError as error:  # the engine can still draw on a real screen
             sys.stderr.write(f"warning: {error}\n")
     if command.templates:
-        template = install_template(engine, force=command.force, progress=show)
+        template = install_template(engine, force=force, progress=show)
         sys.stdout.write(f"export template {template.version_text}: {template.path}\n")
     return 0
 
@@ -142,8 +138,7 @@ def _doctor(command: Doctor) -> int:
     if command.json:
         sys.stdout.write(json.dumps([asdict(finding) for finding in findings]) + "\n")
     else:
-        for finding in findings:
-            hint = f"\n      hint: {finding.hint}" if finding.hint else ""
-            line = f"{finding.status.upper():<5} {finding.name}: {finding.detail}{hint}\n"
-            sys.stdout.write(line)
+        for found in findings:
+            hint = f"\n      hint: {found.hint}" if found.hint else ""
+            sys.stdout.write(f"{found.status.upper():<5} {found.name}: {found.detail}{hint}\n")
     return int(any(finding.status is FindingStatus.FAIL for finding in findings))

@@ -91,11 +91,11 @@ def run(command: EvaluateCommand) -> int:
 
 def _config(command: EvaluateCommand) -> TrainConfig:
     """Return what to play in: what the run was trained in, or a game to play at random."""
-    from ludus.runs.run_folder import RunFolder
     from ludus.runs.saved import trained_config
     from ludus.settings.train_config import TrainConfig
+    from ludus.target import find_run
 
-    if command.random and RunFolder.look_up(Path(command.run)) is None:
+    if command.random and find_run(Path(command.run)) is None:
         return TrainConfig(
             target=command.target or command.run,
             num_worlds=command.num_worlds or TrainConfig().num_worlds,

@@ -1,4 +1,4 @@
-"""Print what checks found, a line each."""
+"""Print the findings of checks."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class FindingPrinter:
         self._console = console
 
     def show(self, check: str, finding: Finding) -> None:
-        """Print one finding: a line, and what there is to say below it."""
+        """Print one finding: a line, with detail and hint below it."""
         head = f"{WORDS[finding.status]} {check:<13} {escape(finding.title)}"
         is_brief = finding.status is Status.OK
         if is_brief and finding.detail:
@@ -38,7 +38,7 @@ class FindingPrinter:
             self._below(f"[cyan]hint:[/] {escape(finding.hint)}")
 
     def summarise(self, report: CheckReport) -> None:
-        """Print how many findings there are of each kind."""
+        """Print the verdict and the number of findings of each status."""
         counts = ", ".join(f"{report.count(status)} {status}" for status in Status)
         verdict = "[green]passed[/]" if report.is_ok else "[bold red]FAILED[/]"
         self._console.print(

@@ -59,10 +59,10 @@ def run(command: PlayCommand) -> int:
     from ludus.errors import ConfigError
     from ludus.play.interactive import PlayConfig, play_by_hand, play_episodes, require_screen
     from ludus.play.players import load_player, random_player
-    from ludus.runs.run_folder import RunFolder
+    from ludus.target import find_run
 
     target = Path(command.target)
-    is_trained = RunFolder.look_up(target) is not None
+    is_trained = find_run(target) is not None
     stochastic = command.choose()
     if command.episodes is not None and command.episodes < 1:
         raise ConfigError(f"episodes must be at least 1, not {command.episodes}")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["COMMAND", "RunsCommand", "run"]
 
-HINT = "ludus train cartpole makes one"
+HINT = "start one: ludus train cartpole"
 STYLES: dict[RunState, str] = {
     "running": "bold cyan",
     "finished": "green",

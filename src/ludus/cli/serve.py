@@ -20,27 +20,27 @@ MAX_LOG_BYTES = 1 << 20
 
 @dataclass(frozen=True)
 class ServeCommand:
-    """Wait for games, and train them as they ask for it. Ctrl-C saves and stops.
+    """Wait for games, and train each as it asks. Ctrl-C saves and stops.
 
-    A game with our add-on and a LudusTraining node starts this command itself. A game that was
-    written for godot-ai needs no change: --bridge godot-ai.
+    A game with the Ludus add-on and a LudusTraining node starts this command itself. A game written
+    for godot-ai works unchanged with --bridge godot-ai.
 
     Attributes:
-        bridge: Legacy bridge that the games were written for: godot-ai; ludus is our add-on.
-        port: TCP port, reachable from this machine only; none is 11011, or 9999 for godot-ai.
-        runs: Folder of the runs; a game names its own in it. None is ./runs.
-        policies: Folder that trained policies are written to for the game; none is the folder
-            policies of the run.
-        once: End when the first game has gone, or if none comes within a minute.
-        project: godot-ai: folder of the game; none is this one. Files that it names are taken from
-            there and from nowhere else; checkpoints are in its AIServerCommFiles/ludus.
-        seed: Seed of new runs whose game names none; none draws one. godot-ai: seed of networks and
-            sampling; none is 0.
-        device: PyTorch device, such as cpu or cuda; auto is cuda where there is one.
-        torch_threads: Threads PyTorch may use.
-        message_timeout_s: Seconds within which a greeting, or with godot-ai the rest of a message,
-            has to come.
-        log: File that gets what happens, beside the terminal.
+        bridge: What the games speak: ludus (our add-on), or the legacy bridge godot-ai.
+        port: TCP port, open to this machine only; 11011 if not given, 9999 for godot-ai.
+        runs: Folder of the runs, in which each game names its own; ./runs if not given.
+        policies: Folder for the policies that a game asks for; the run's folder policies if not
+            given.
+        once: End when the first game has disconnected, or if none connects within a minute.
+        project: godot-ai: folder of the game; the current one if not given. Files that the game
+            names are read from there only; checkpoints are in its AIServerCommFiles/ludus.
+        seed: Seed of new runs whose game names none; random if not given. godot-ai: seed of
+            networks and sampling; 0 if not given.
+        device: PyTorch device, such as cpu or cuda; auto is cuda if it is available.
+        torch_threads: Threads that PyTorch may use.
+        message_timeout_s: Seconds within which a greeting has to arrive; with godot-ai the rest
+            of any message.
+        log: File for log messages, in addition to the terminal.
     """
 
     bridge: str = "ludus"
@@ -63,7 +63,7 @@ IsStopping = Callable[[], bool]
 
 
 def run(command: ServeCommand) -> int:
-    """Serve; return 128 plus the signal that stopped it, or 0 if the one game has gone."""
+    """Serve; return 128 plus the signal that stopped it, or 0 after the one game of --once."""
     check(command)
     with _log_file(command.log):
         logging.getLogger("ludus.serve").setLevel(logging.INFO)
@@ -75,7 +75,7 @@ def run(command: ServeCommand) -> int:
 
 
 def check(command: ServeCommand) -> None:
-    """Refuse options that do not fit.
+    """Refuse options that the bridge does not have, or that are out of range.
 
     Raises:
         UsageError: There is no such bridge, or it has no such option.
@@ -108,7 +108,7 @@ def _serve_guided(command: ServeCommand, is_stopping: IsStopping) -> None:
         torch_threads=command.torch_threads,
         hello_timeout_s=command.message_timeout_s,
     )
-    serve_guided(config, is_stopping, lambda port: _tell_ready(command, config.runs, port))
+    serve_guided(config, is_stopping, lambda port: _print_ready(command, config.runs, port))
 
 
 def _serve_godot_ai(command: ServeCommand, is_stopping: IsStopping) -> None:
@@ -122,7 +122,7 @@ def _serve_godot_ai(command: ServeCommand, is_stopping: IsStopping) -> None:
         torch_threads=command.torch_threads,
         message_timeout_s=command.message_timeout_s,
     )
-    serve(config, is_stopping, lambda port: _tell_ready(command, config.project, port))
+    serve(config, is_stopping, lambda port: _print_ready(command, config.project, port))
 
 
 _SERVERS: dict[str, Callable[[ServeCommand, IsStopping], None]] = {
@@ -133,7 +133,7 @@ _NOT_OF = {"ludus": ("project",), "godot-ai": ("runs", "policies", "once")}
 """Options that a bridge does not have."""
 
 
-def _tell_ready(command: ServeCommand, folder: Path, port: int) -> None:
+def _print_ready(command: ServeCommand, folder: Path, port: int) -> None:
     logging.getLogger("ludus.serve").debug("listening at 127.0.0.1:%d", port)
     sys.stderr.write(f"serving {command.bridge} games in {folder} at 127.0.0.1:{port}\n")
     sys.stderr.flush()
@@ -141,9 +141,9 @@ def _tell_ready(command: ServeCommand, folder: Path, port: int) -> None:
 
 @contextmanager
 def _log_file(path: Path | None) -> Generator[None, None, None]:
-    """Write what ``ludus`` logs into a file as well, and the error that ends the command.
+    """Also write log messages, and the error that ends the command, to a file.
 
-    The game that started the command shows the last line of it.
+    The game that started the command shows the file's last line.
     """
     if path is None:
         yield
@@ -166,7 +166,7 @@ def _log_file(path: Path | None) -> Generator[None, None, None]:
 
 
 class _OneLine(logging.Formatter):
-    """A line for every record, hints behind what they are about."""
+    """Formats every record as one line, with hints appended."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's own name
         return super().formatMessage(record).replace("\n", "; ")

@@ -21,9 +21,12 @@ from ludus.engine.find import (
     search_engines,
 )
 from ludus.engine.importing import ensure_imported, needs_import
-from ludus.engine.install import install_engine
-from ludus.engine.install_screen import install_screen
-from ludus.engine.install_template import install_template
+from ludus.engine.install import (
+    install_engine,
+    install_screen,
+    install_template,
+    template_installers,
+)
 from ludus.engine.kinds import EngineKind
 from ludus.engine.launch import (
     GodotFlags,
@@ -32,11 +35,19 @@ from ludus.engine.launch import (
     godot_command,
 )
 from ludus.engine.process import EngineProcess
-from ludus.engine.project import Project, find_project, read_project, scene_path
+from ludus.engine.project import (
+    RUN_SCENE,
+    Project,
+    find_project,
+    read_project,
+    require_addon,
+    scene_path,
+)
 from ludus.engine.screen import find_xvfb, has_screen, with_display
 from ludus.engine.template import ExportTemplate, find_template, matching_template
 
 __all__ = [
+    "RUN_SCENE",
     "CorePlan",
     "EngineKind",
     "EngineProcess",
@@ -69,8 +80,10 @@ __all__ = [
     "pinned_to",
     "plan_cores",
     "read_project",
+    "require_addon",
     "reserve_cores",
     "scene_path",
     "search_engines",
+    "template_installers",
     "with_display",
 ]

@@ -10,12 +10,13 @@ import logging
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from itertools import repeat
 from pathlib import Path
 
-from ludus.engine.routes import Progress, RouteUnavailable
+from ludus.engine.installing import InstallerUnavailable, Progress
+from ludus.engine.output import run_captured
 from ludus.errors import SetupError
 
 __all__ = ["SUITE", "unpack_packages"]
@@ -67,10 +68,15 @@ def unpack_packages(packages: Sequence[str], folder: Path, progress: Progress) -
         The prefix, whose programs need its own loader to start.
 
     Raises:
-        RouteUnavailable: This machine has no apt, or cannot reach its Debian mirror.
+        InstallerUnavailable: This machine does not run Linux, has no apt, or cannot reach its
+            Debian mirror.
         SetupError: A package cannot be unpacked, or the disk is full.
     """
-    _require_tools()
+    if sys.platform != "linux":
+        raise InstallerUnavailable("this machine does not run Linux")
+    for tool in ("apt-get", "dpkg-deb"):
+        if shutil.which(tool) is None:
+            raise InstallerUnavailable(f"this machine has no {tool}")
     tree, prefix = folder / "apt", folder / "prefix"
     prefix.mkdir()
     configuration = _make_apt_tree(tree)
@@ -84,34 +90,24 @@ def unpack_packages(packages: Sequence[str], folder: Path, progress: Progress) -
     return prefix
 
 
-def _require_tools() -> None:
-    for tool in ("apt-get", "dpkg-deb"):
-        if shutil.which(tool) is None:
-            raise RouteUnavailable(f"this machine has no {tool}")
-
-
 def _make_apt_tree(tree: Path) -> Path:
     """Write a private apt configuration that knows one suite and no installed package."""
+    keyring = next((name for name in _KEYRINGS if Path(name).is_file()), None)
+    if keyring is None:
+        raise InstallerUnavailable(
+            "Debian's signing keys are not installed (package debian-archive-keyring)"
+        )
     for part in ("state/lists/partial", "cache/archives/partial"):
         (tree / part).mkdir(parents=True)
     (tree / "status").touch()
-    source = f"deb [signed-by={_keyring()} target=Packages] {_mirror()} {SUITE} main\n"
+    source = f"deb [signed-by={keyring} target=Packages] {_find_mirror()} {SUITE} main\n"
     (tree / "sources.list").write_text(source, encoding="utf-8")
     configuration = tree / "apt.conf"
     configuration.write_text(_APT_CONF.format(tree=tree), encoding="utf-8")
     return configuration
 
 
-def _keyring() -> str:
-    for name in _KEYRINGS:
-        if Path(name).is_file():
-            return name
-    raise RouteUnavailable(
-        "Debian's signing keys are not installed (package debian-archive-keyring)"
-    )
-
-
-def _mirror() -> str:
+def _find_mirror() -> str:
     """Return the Debian mirror that this machine is configured to use."""
     form = "$(CREATED_BY)|$(LABEL)|$(SITE)"
     done = _run(["apt-get", "indextargets", "--format", form], UPDATE_TIMEOUT_S)
@@ -120,54 +116,39 @@ def _mirror() -> str:
         is_main = label == "Debian" or (label in {"", "$(LABEL)"} and "security" not in site)
         if created_by == "Packages" and is_main:
             return site
-    raise RouteUnavailable("the apt configuration of this machine names no Debian mirror")
+    raise InstallerUnavailable("the apt configuration of this machine names no Debian mirror")
 
 
 def _run_apt(configuration: Path, arguments: Sequence[str], timeout_s: float) -> None:
     done = _run(["apt-get", "-q", "-c", str(configuration), *arguments], timeout_s)
-    if done.returncode != 0:
-        raise _apt_error(arguments[0], done.stdout)
-    _log.debug("apt-get %s:\n%s", arguments[0], done.stdout)
-
-
-def _apt_error(verb: str, output: str) -> Exception:
-    lines = [line for line in output.splitlines() if line[:2] in {"E:", "W:"}][-6:]
-    text = f"apt-get {verb} failed:\n" + "\n".join(f"  {line}" for line in lines)
-    if "No space left" in output or "enough free space" in output:
-        return SetupError(text, hint="free about 1.5 GB on the disk of the user cache")
-    return RouteUnavailable(text)
+    if done.returncode == 0:
+        _log.debug("apt-get %s:\n%s", arguments[0], done.stdout)
+        return
+    lines = [line for line in done.stdout.splitlines() if line[:2] in {"E:", "W:"}][-6:]
+    text = "\n  ".join([f"apt-get {arguments[0]} failed:", *lines])
+    if "No space left" in done.stdout or "enough free space" in done.stdout:
+        raise SetupError(text, hint="free about 1.5 GB on the disk of the user cache")
+    raise InstallerUnavailable(text)
 
 
 def _run(command: Sequence[str], timeout_s: float) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "LC_ALL": "C", "DEBIAN_FRONTEND": "noninteractive"}
     try:
-        return subprocess.run(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-            env=environment,
-            timeout=timeout_s,
-            check=False,
-        )
+        return run_captured(command, timeout_s, environment)
     except subprocess.TimeoutExpired as error:
-        raise RouteUnavailable(f"{command[0]} took more than {timeout_s:.0f} s") from error
+        raise InstallerUnavailable(f"{command[0]} took more than {timeout_s:.0f} s") from error
 
 
 def _unpack_all(archives: Sequence[Path], prefix: Path, progress: Progress) -> None:
+    def unpack(archive: Path) -> None:
+        done = _run(["dpkg-deb", "-x", str(archive), str(prefix)], UNPACK_TIMEOUT_S)
+        if done.returncode != 0:
+            raise SetupError(
+                f"{archive.name} could not be unpacked: {done.stdout.strip()}",
+                hint="free about 1.5 GB on the disk of the user cache, or try again",
+            )
+        archive.unlink()
+
     with ThreadPoolExecutor(max_workers=min(4, os.cpu_count() or 1)) as executor:
-        unpacked = executor.map(_unpack_one, archives, repeat(prefix))
-        for done, _ in enumerate(unpacked, start=1):
+        for done, _ in enumerate(executor.map(unpack, archives), start=1):
             progress("unpack Debian packages", done / len(archives))
-
-
-def _unpack_one(archive: Path, prefix: Path) -> None:
-    done = _run(["dpkg-deb", "-x", str(archive), str(prefix)], UNPACK_TIMEOUT_S)
-    if done.returncode != 0:
-        raise SetupError(
-            f"{archive.name} could not be unpacked: {done.stdout.strip()}",
-            hint="free about 1.5 GB on the disk of the user cache, or try again",
-        )
-    archive.unlink()

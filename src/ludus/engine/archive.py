@@ -22,7 +22,7 @@ def unpack_zip(archive: Path, folder: Path, only: Container[str] | None = None) 
         only: Names of the entries to unpack; None unpacks all.
 
     Raises:
-        SetupError: It is no zip archive, is damaged, or has an entry that leaves the folder.
+        SetupError: It is not a zip archive, is damaged, or has an entry outside the folder.
         OSError: The disk is full, or the folder not writable.
     """
     try:
@@ -31,7 +31,7 @@ def unpack_zip(archive: Path, folder: Path, only: Container[str] | None = None) 
                 if only is None or entry.filename in only:
                     _unpack_entry(opened, entry, folder)
     except (zipfile.BadZipFile, EOFError) as error:
-        raise SetupError(f"{archive.name} is not a sound zip archive: {error}") from error
+        raise SetupError(f"{archive.name} is not a valid zip archive: {error}") from error
 
 
 def _unpack_entry(opened: zipfile.ZipFile, entry: zipfile.ZipInfo, folder: Path) -> None:
@@ -52,5 +52,5 @@ def _safe_parts(entry: zipfile.ZipInfo) -> tuple[str, ...]:
     is_link = stat.S_ISLNK(entry.external_attr >> 16)
     has_drive = any(":" in part for part in path.parts)
     if path.is_absolute() or ".." in path.parts or has_drive or is_link:
-        raise SetupError(f"the archive has an entry that leaves its folder: {entry.filename!r}")
+        raise SetupError(f"the archive has an entry outside its folder: {entry.filename!r}")
     return path.parts

@@ -10,7 +10,6 @@ import os
 import shutil
 import subprocess
 import tomllib
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -31,12 +30,9 @@ __all__ = [
 PREFIX = "bevy:"
 FEATURE_MARK = "+"
 VIEW = "view"
-"""Feature of examples that draw only where somebody wants to see them."""
+"""Feature of examples that draw only if asked to."""
 
 _BUILD_TIMEOUT_S = 3600.0
-_KEPT = "kept"
-"""Folder beside the executables that Cargo builds, where each example with its features has a name
-of its own. To Cargo they are one file, which the next build replaces, whoever plays it."""
 
 
 def bevy_example_names() -> list[str]:
@@ -49,7 +45,7 @@ def bevy_example_names() -> list[str]:
 
 
 def find_bevy_example(text: str) -> str | None:
-    """Return what follows ``bevy:``, the name and perhaps features, if it means an example.
+    """Return the part after ``bevy:``, the name and any features, of an existing example.
 
     Raises:
         TargetError: The example has no such feature.
@@ -61,10 +57,8 @@ def find_bevy_example(text: str) -> str | None:
     known = bevy_example_features(name)
     for feature in features:
         if feature not in known:
-            raise TargetError(
-                f"{example} has no feature {feature!r}",
-                hint=f"it has {', '.join(known) or 'none'}",
-            )
+            hint = f"its features: {', '.join(known) or '(none)'}"
+            raise TargetError(f"{example} has no feature {feature!r}", hint)
     return text.removeprefix(PREFIX)
 
 
@@ -87,8 +81,8 @@ def with_view(target: str) -> str:
 def build_bevy_example(name: str) -> Path:
     """Build an example, optimised, and return its executable.
 
-    What is built already is not built again. Cargo tells on stderr how it gets on. The executable
-    stays as it is when the example is built with other features.
+    Cargo builds only what has changed, and reports its progress on stderr. The executable stays
+    as it is when the example is built with other features.
 
     Args:
         name: Of the example; with ``+FEATURE`` after it also features.
@@ -101,37 +95,31 @@ def build_bevy_example(name: str) -> Path:
     cargo = shutil.which("cargo")
     if cargo is None:
         raise SetupError(
-            f"building {PREFIX}{name} needs Cargo, and there is none on PATH",
+            f"building {PREFIX}{name} needs Cargo, which is not on PATH",
             hint="install Rust from https://rustup.rs",
         )
     package, *features = name.split(FEATURE_MARK)
     command = [cargo, "build", "--release", "--locked", "--package", package]
     command += ["--features", ",".join(features)] if features else []
     with file_lock(require_cache_root() / "bevy.lock", _BUILD_TIMEOUT_S):
-        result = _run([*command, "--message-format", "json-render-diagnostics"], root, name)
-        executable = _executable_of(package, result.stdout.splitlines())
-        if executable is None:
-            raise SetupError(f"Cargo built {PREFIX}{name}, but names no executable")
-        return _kept(executable, name)
+        lines = _run_cargo([*command, "--message-format", "json-render-diagnostics"], root, name)
+        for line in lines:
+            message: dict[str, Any] = json.loads(line) if line.startswith("{") else {}
+            if message.get("executable") and message["target"]["name"] == package:
+                return _keep(Path(message["executable"]), name)
+    raise SetupError(f"Cargo built {PREFIX}{name}, but reported no executable")
 
 
-def _kept(built: Path, name: str) -> Path:
-    """Copy an executable to where it stays, if the copy is not there yet."""
-    kept = built.parent / _KEPT / built.with_stem(name).name
-    kept.parent.mkdir(exist_ok=True)
-    if not kept.exists() or kept.stat().st_mtime_ns != built.stat().st_mtime_ns:
-        fresh = kept.with_name(f"{kept.name}.{os.getpid()}")
-        shutil.copy2(built, fresh)
-        fresh.replace(kept)
-    return kept
-
-
-def _run(command: list[str], root: Path, name: str) -> subprocess.CompletedProcess[str]:
+def _run_cargo(command: list[str], root: Path, name: str) -> list[str]:
+    env = dict(os.environ)
+    if root.parent.name == "_bundled":  # an installed package, which may be read-only
+        target = require_cache_root() / "bevy" / package_version()
+        env.setdefault("CARGO_TARGET_DIR", str(target))
     try:
         result = subprocess.run(
             command,
             cwd=root,
-            env=_environment(root),
+            env=env,
             stdout=subprocess.PIPE,
             text=True,
             timeout=_BUILD_TIMEOUT_S,
@@ -142,27 +130,21 @@ def _run(command: list[str], root: Path, name: str) -> subprocess.CompletedProce
     if result.returncode != 0:
         raise SetupError(
             f"{PREFIX}{name} cannot be built: Cargo ended with {result.returncode}",
-            hint=f"read what Cargo says above; {root / 'Cargo.toml'} names the oldest Rust that "
-            "serves (rust-version)",
+            hint=f"read Cargo's messages above; {root / 'Cargo.toml'} names the oldest Rust that "
+            "works (rust-version)",
         )
-    return result
+    return result.stdout.splitlines()
 
 
-def _environment(root: Path) -> dict[str, str]:
-    """Keep what Cargo builds out of an installed package, which may be read-only."""
-    if root.parent.name != "_bundled" or "CARGO_TARGET_DIR" in os.environ:
-        return dict(os.environ)
-    target = require_cache_root() / "bevy" / package_version()
-    return {**os.environ, "CARGO_TARGET_DIR": str(target)}
+def _keep(built: Path, name: str) -> Path:
+    """Copy an executable to a name of its own, unless the copy is current.
 
-
-def _executable_of(name: str, lines: Iterable[str]) -> Path | None:
-    """Find the executable in what Cargo tells of its artifacts, one JSON object a line."""
-    for line in lines:
-        if not line.startswith("{"):
-            continue
-        message: dict[str, Any] = json.loads(line)
-        target: dict[str, Any] = message.get("target") or {}
-        if message.get("executable") and target.get("name") == name:
-            return Path(message["executable"])
-    return None
+    Cargo builds an example with other features into the same file, even while somebody plays it.
+    """
+    kept = built.parent / "kept" / built.with_stem(name).name
+    kept.parent.mkdir(exist_ok=True)
+    if not kept.exists() or kept.stat().st_mtime_ns != built.stat().st_mtime_ns:
+        fresh = kept.with_name(f"{kept.name}.{os.getpid()}")
+        shutil.copy2(built, fresh)
+        fresh.replace(kept)
+    return kept

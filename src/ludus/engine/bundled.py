@@ -1,4 +1,4 @@
-"""The Godot projects that come with Ludus, one for each version: the add-on and the examples."""
+"""The projects that come with Ludus, one for each engine: the add-on and the examples."""
 
 from __future__ import annotations
 
@@ -39,12 +39,13 @@ def bundled_root(kind: EngineKind = EngineKind.GODOT4) -> Path:
     Raises:
         SetupError: This installation of Ludus has none.
     """
-    for folder in (_in_wheel(kind), _in_checkout(kind)):
+    in_checkout = _package_folder().parent.parent / "engines" / kind
+    for folder in (_in_wheel(kind), in_checkout):
         if (folder / "addons" / "ludus").is_dir() or (folder / "project.godot").is_file():
             return folder
     raise SetupError(
-        f"this installation of Ludus lacks its Godot project (looked at "
-        f"{_in_wheel(kind)} and {_in_checkout(kind)})",
+        f"this installation of Ludus lacks its Godot project (searched "
+        f"{_in_wheel(kind)} and {in_checkout})",
         hint="install Ludus again: pip install --force-reinstall ludus-rl",
     )
 
@@ -85,8 +86,8 @@ def _examples_of(kind: EngineKind) -> list[str]:
 def runnable_bundled_root(kind: EngineKind = EngineKind.GODOT4) -> Path:
     """Return the bundled project in a place where Godot may write its import cache.
 
-    In a checkout that is the project itself; what a wheel brought is copied to the user cache,
-    once per version.
+    In a checkout that is the project itself; that of a wheel is copied to the user cache, once
+    per version.
 
     Raises:
         SetupError: It is missing, or cannot be copied.
@@ -98,7 +99,12 @@ def runnable_bundled_root(kind: EngineKind = EngineKind.GODOT4) -> Path:
     try:
         with file_lock(target.parent / ".copy.lock", _COPY_TIMEOUT_S):
             if not target.is_dir():
-                _copy_whole(root, target)
+                incoming = Path(tempfile.mkdtemp(prefix=".incoming-", dir=target.parent))
+                try:
+                    shutil.copytree(root, incoming / "project", ignore=_NOT_COPIED)
+                    (incoming / "project").rename(target)
+                finally:
+                    shutil.rmtree(incoming, ignore_errors=True)
     except OSError as error:
         raise SetupError(
             f"the bundled examples cannot be copied to {target}: {error}",
@@ -111,18 +117,5 @@ def _in_wheel(kind: EngineKind) -> Path:
     return _package_folder() / "_bundled" / kind
 
 
-def _in_checkout(kind: EngineKind) -> Path:
-    return _package_folder().parent.parent / "engines" / kind
-
-
 def _package_folder() -> Path:
     return Path(__file__).resolve().parents[1]
-
-
-def _copy_whole(source: Path, target: Path) -> None:
-    incoming = Path(tempfile.mkdtemp(prefix=".incoming-", dir=target.parent))
-    try:
-        shutil.copytree(source, incoming / "project", ignore=_NOT_COPIED)
-        (incoming / "project").rename(target)
-    finally:
-        shutil.rmtree(incoming, ignore_errors=True)

@@ -1,12 +1,12 @@
-"""Where Ludus keeps what it installs, and the record that makes a folder an engine.
+"""Where Ludus keeps what it installs, and the record that makes a folder an installation.
 
 Layout of the user cache::
 
     engines/<kind>/<name>/engine.json     an installed engine; the record is written last
-    engines/<kind>/.incoming-*            an installation under way or broken off
+    engines/<kind>/.incoming-*            an installation in progress or interrupted
     engines/<kind>/.install.lock
-    templates/<kind>/<name>/              an export template; see `template`
-    screens/<name>/Xvfb                   for virtual screens; see `install_screen`
+    templates/<kind>/<release>-<installer>/template.json    an installed export template
+    screens/<name>/Xvfb                   for virtual screens; see `screen`
     bundled/<kind>/<version>/             a writable copy of the bundled project
     cores/<host>/core-<number>.lock       held while a pool has pinned an engine to that core
 """
@@ -15,16 +15,14 @@ from __future__ import annotations
 
 import json
 import logging
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, ClassVar, Self
 
 from ludus.engine.kinds import EngineKind, Version
 from ludus.errors import SetupError
 
-__all__ = ["RECORD_NAME", "CacheRecord", "cache_root", "cached_records", "require_cache_root"]
-
-RECORD_NAME = "engine.json"
+__all__ = ["EngineRecord", "TemplateRecord", "cache_root", "cached_engines", "require_cache_root"]
 
 _log = logging.getLogger(__name__)
 
@@ -53,79 +51,94 @@ def require_cache_root() -> Path:
     return root
 
 
-@dataclass(frozen=True)
-class CacheRecord:
-    """The contents of ``engine.json``.
+@dataclass(frozen=True, kw_only=True)
+class _Record:
+    """What is known of an installation; written last, and read back from its folder.
 
     Attributes:
-        version: Numbers of the version.
-        version_text: What the engine calls itself.
-        route: How it came here: ``official`` or ``debian``.
-        has_rendering: Whether it was installed to open windows as well.
-        executable: Path inside the folder of the executable that runs without a window.
-        window_executable: Path of the one that opens a window; the same one for Godot 4.
+        version_text: What the program calls itself.
+        route: Name of the installer: ``official`` or ``debian``.
+        executable: Path of the program inside the folder.
     """
 
-    version: Version
+    file_name: ClassVar[str]
+
     version_text: str
     route: str
-    has_rendering: bool
     executable: str
-    window_executable: str
 
     def write(self, folder: Path) -> None:
-        """Make ``folder`` an installed engine."""
-        (folder / RECORD_NAME).write_text(json.dumps(asdict(self), indent=2), encoding="utf-8")
+        """Make ``folder`` an installation."""
+        text = json.dumps(asdict(self), indent=2)
+        (folder / self.file_name).write_text(text, encoding="utf-8")
 
     @classmethod
-    def read(cls, folder: Path) -> CacheRecord:
-        """Read the record of an installed engine.
+    def read(cls, folder: Path) -> Self:
+        """Read the record of an installation.
 
         Raises:
             OSError: There is none.
             ValueError: It is not a record.
         """
-        data: Any = json.loads((folder / RECORD_NAME).read_text(encoding="utf-8"))
-        if not isinstance(data, dict):
-            raise ValueError("not a JSON object")
-        return cls._from_json(cast("dict[str, Any]", data))
+        data: Any = json.loads((folder / cls.file_name).read_text(encoding="utf-8"))
+        try:
+            for name in ("version_text", "route", "executable"):
+                if not isinstance(data[name], str):
+                    raise TypeError(name)
+            return cls(**{field.name: data[field.name] for field in fields(cls)})
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"a field is missing or has the wrong type: {error}") from error
 
     @classmethod
-    def _from_json(cls, data: dict[str, Any]) -> CacheRecord:
-        try:
-            return cls(
-                version=tuple(int(part) for part in data["version"]),
-                version_text=str(data["version_text"]),
-                route=str(data["route"]),
-                has_rendering=bool(data["has_rendering"]),
-                executable=str(data["executable"]),
-                window_executable=str(data["window_executable"]),
-            )
-        except (KeyError, TypeError) as error:
-            raise ValueError(f"record lacks or misspells {error}") from error
+    def read_all(cls, folder: str) -> list[tuple[Path, Self]]:
+        """List the complete installations in a folder of the user cache, by name."""
+        root = cache_root()
+        found: list[tuple[Path, Self]] = []
+        for file in sorted((root / folder).glob(f"[!.]*/{cls.file_name}")) if root else []:
+            try:
+                record = cls.read(file.parent)
+            except (OSError, ValueError) as error:
+                _log.warning("ignoring %s: %s", file, error)
+                continue
+            if (file.parent / record.executable).is_file():
+                found.append((file.parent, record))
+        return found
 
 
-def cached_records(kind: EngineKind) -> list[tuple[Path, CacheRecord]]:
+@dataclass(frozen=True, kw_only=True)
+class EngineRecord(_Record):
+    """The contents of ``engine.json``.
+
+    Attributes:
+        version: Numbers of the version.
+        has_rendering: Whether what it needs to open a window was installed as well.
+        window_executable: Path of the program that opens a window; the same one for Godot 4.
+    """
+
+    file_name = "engine.json"
+
+    version: Version
+    has_rendering: bool
+    window_executable: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "version", tuple(int(part) for part in self.version))
+
+
+@dataclass(frozen=True, kw_only=True)
+class TemplateRecord(_Record):
+    """The contents of ``template.json``.
+
+    Attributes:
+        prefix: Path inside the folder of the libraries that its games need; empty: none.
+    """
+
+    file_name = "template.json"
+
+    prefix: str
+
+
+def cached_engines(kind: EngineKind) -> list[tuple[Path, EngineRecord]]:
     """List complete installations of one kind: newest first, those that can render first."""
-    root = cache_root()
-    folder = root / "engines" / kind if root else None
-    if folder is None or not folder.is_dir():
-        return []
-    found: list[tuple[Path, CacheRecord]] = []
-    for entry in folder.iterdir():
-        record = _record_or_none(entry)
-        if record is not None:
-            found.append((entry, record))
-    found.sort(key=lambda item: (item[1].version, item[1].has_rendering), reverse=True)
-    return found
-
-
-def _record_or_none(folder: Path) -> CacheRecord | None:
-    if folder.name.startswith(".") or not (folder / RECORD_NAME).is_file():
-        return None
-    try:
-        record = CacheRecord.read(folder)
-    except (OSError, ValueError) as error:
-        _log.warning("ignoring %s: %s", folder / RECORD_NAME, error)
-        return None
-    return record if (folder / record.executable).is_file() else None
+    found = EngineRecord.read_all(f"engines/{kind}")
+    return sorted(found, key=lambda item: (item[1].version, item[1].has_rendering), reverse=True)

@@ -1,8 +1,8 @@
 """Read ``project.godot`` without an engine.
 
 The file has ``[section]`` lines and ``key=value`` entries whose values are GDScript literals;
-a value may go over several lines. Only what Ludus asks for is interpreted; everything else
-keeps its text and its place, so that a value can be replaced and the rest stays as it is.
+a value may span several lines. Only the values that Ludus needs are interpreted; everything else
+keeps its text and its place, so that one value can be replaced without changing the rest.
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ __all__ = [
 ]
 
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r"}
+# A string that nothing closes goes on to the end of the file.
+_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"?|[()\[\]{}\n]', re.DOTALL)
 _QUOTED = re.compile(r'"((?:[^"\\]|\\.)*)"', re.DOTALL)
 
 
@@ -29,7 +31,7 @@ class ConfigEntry:
     """One ``key=value``.
 
     Attributes:
-        value: Text of the value as it stands in the file.
+        value: Text of the value as written in the file.
         start: Offset of the value.
         end: Offset after the value.
     """
@@ -76,12 +78,14 @@ class ConfigFile:
 
 
 def parse_config(text: str) -> ConfigFile:
-    """Parse ``project.godot``; lines that make no sense are skipped."""
+    """Parse ``project.godot``; malformed lines are skipped."""
     parsed = ConfigFile(text)
     section, offset = "", 0
     parsed.section_ends[section] = 0
     while offset < len(text):
-        line_end = _line_end(text, offset)
+        line_end = text.find("\n", offset)
+        if line_end < 0:
+            line_end = len(text)
         line = text[offset:line_end].strip()
         if line.startswith("[") and line.endswith("]"):
             section = line[1:-1]
@@ -100,7 +104,7 @@ def parse_string(value: str) -> str | None:
 
 
 def quote_string(text: str) -> str:
-    """Encode a string the way it stands in the file, quotes included."""
+    """Encode a string as in the file, quotes included."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     return f'"{escaped}"'
 
@@ -110,14 +114,14 @@ def add_to_string_array(
 ) -> str:
     """Return the text of a file with one more string in an array of strings.
 
-    Everything else keeps its text and its place. Key and section are made where missing; if
-    the string is in there already, the text is returned unchanged.
+    Everything else keeps its text and its place. Key and section are added if missing; if the
+    array contains the string already, the text is returned unchanged.
 
     Args:
         text: The whole file.
         key: ``section/key`` of the array.
         value: String to add.
-        array_type: What the engine calls such an array.
+        array_type: The engine's name for such an array.
     """
     parsed = parse_config(text)
     strings = parsed.strings(key)
@@ -161,11 +165,6 @@ def _unescape(text: str) -> str:
     return re.sub(r"\\(.)", lambda match: _ESCAPES.get(match[1], match[1]), text, flags=re.DOTALL)
 
 
-def _line_end(text: str, offset: int) -> int:
-    end = text.find("\n", offset)
-    return len(text) if end < 0 else end
-
-
 def _add_entry(parsed: ConfigFile, section: str, offset: int) -> int:
     """Add the entry that starts at ``offset``; return where its last line ends."""
     equals = parsed.text.index("=", offset)
@@ -179,20 +178,12 @@ def _add_entry(parsed: ConfigFile, section: str, offset: int) -> int:
 
 def _value_end(text: str, offset: int) -> int:
     """Find the line end that is outside of strings and brackets."""
-    depth, in_string = 0, False
-    position = offset
-    while position < len(text):
-        character = text[position]
-        if in_string:
-            position += character == "\\"
-            in_string = character != '"'
-        elif character == '"':
-            in_string = True
-        elif character in "([{":
+    depth = 0
+    for token in _TOKEN.finditer(text, offset):
+        if token[0] in "([{":
             depth += 1
-        elif character in ")]}":
+        elif token[0] in ")]}":
             depth -= 1
-        elif character == "\n" and depth <= 0:
-            return position
-        position += 1
+        elif token[0] == "\n" and depth <= 0:
+            return token.start()
     return len(text)

@@ -1,4 +1,4 @@
-"""Look at the machine, and say what is there and what is missing."""
+"""Examine this machine: what is installed, and what is missing."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from ludus.engine.affinity import allowed_cores
-from ludus.engine.cache import cache_root, cached_records
+from ludus.engine.cache import cache_root, cached_engines
 from ludus.engine.find import search_engines
 from ludus.engine.kinds import EngineKind
 from ludus.engine.screen import find_xvfb
@@ -34,10 +34,10 @@ class FindingStatus(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at.
+    """The result of one check.
 
     Attributes:
-        name: What was looked at.
+        name: What was checked.
         status: ``warn`` limits what can be done; ``fail`` prevents running anything.
         detail: What was found.
         hint: What to do about it, if anything.
@@ -50,24 +50,28 @@ class Finding:
 
 
 def doctor() -> list[Finding]:
-    """Examine this machine; nothing is changed, started (but ``--version``) or downloaded."""
+    """Examine this machine; nothing is changed, downloaded or, except for ``--version``, run."""
+    has_unix_sockets = hasattr(socket, "AF_UNIX")
     return [
-        _python(),
+        _ok("python", f"{platform.python_version()} on {platform.platform()}"),
         _engine(EngineKind.GODOT4, FindingStatus.FAIL),
         _engine(EngineKind.GODOT3, FindingStatus.WARN),
         _template(),
         _cache(),
         _cores(),
-        _local_sockets(),
+        _ok("sockets", "Unix domain sockets and TCP" if has_unix_sockets else "TCP only"),
         _screen(),
         _torch(),
         _cuda(),
     ]
 
 
-def _python() -> Finding:
-    detail = f"{platform.python_version()} on {platform.platform()}"
-    return Finding("python", FindingStatus.OK, detail)
+def _ok(name: str, detail: str) -> Finding:
+    return Finding(name, FindingStatus.OK, detail)
+
+
+def _warn(name: str, detail: str, hint: str = "") -> Finding:
+    return Finding(name, FindingStatus.WARN, detail, hint)
 
 
 def _engine(kind: EngineKind, if_missing: FindingStatus) -> Finding:
@@ -76,86 +80,71 @@ def _engine(kind: EngineKind, if_missing: FindingStatus) -> Finding:
         detail = "; ".join(search.notes)
         return Finding(str(kind), if_missing, detail, hint=f"ludus engine install {kind}")
     rows = [f"{show_version(e.version)} {e.path} [{e.source}]" for e in search.found]
-    return Finding(str(kind), FindingStatus.OK, "; ".join(rows))
+    return _ok(str(kind), "; ".join(rows))
 
 
 def _template() -> Finding:
     if sys.platform != "linux":
-        return Finding("template", FindingStatus.OK, "none; games are exported for Linux only")
+        return _ok("template", "none; games are exported for Linux only")
     engine = next(iter(search_engines(EngineKind.GODOT4).found), None)
     template = matching_template(engine) if engine else None
     if template is not None:
-        detail = f"{template.version_text} {template.path} [{template.source}]"
-        return Finding("template", FindingStatus.OK, detail)
-    others = [
-        f"{other.version_text} [{other.source}]" for other in cached_templates(EngineKind.GODOT4)
-    ]
+        return _ok("template", f"{template.version_text} {template.path} [{template.source}]")
+    others = [f"{other.version_text} [{other.source}]" for other in cached_templates()]
     release = release_name(engine.version_text) if engine else "Godot 4"
-    detail = f"none to export games with {release}; there are: {', '.join(others) or 'none'}"
-    hint = "to export games: ludus engine install godot4 --templates"
-    return Finding("template", FindingStatus.WARN, detail, hint)
+    return _warn(
+        "template",
+        f"none to export games with {release}; there are: {', '.join(others) or 'none'}",
+        hint="to export games: ludus engine install godot4 --templates",
+    )
 
 
 def _cache() -> Finding:
     root = cache_root()
     if root is None:
         hint = 'pip install "ludus-rl[engine]"'
-        return Finding("cache", FindingStatus.WARN, "platformdirs is not installed", hint)
-    if not os.access(_first_existing(root), os.W_OK):
-        hint = f"make {root} writable"
-        return Finding("cache", FindingStatus.WARN, f"{root} cannot be written", hint)
-    free_gb = shutil.disk_usage(_first_existing(root)).free / 1e9
+        return _warn("cache", "platformdirs is not installed", hint)
+    existing = next(folder for folder in (root, *root.parents) if folder.exists())
+    if not os.access(existing, os.W_OK):
+        return _warn("cache", f"{root} cannot be written", hint=f"make {root} writable")
+    free_gb = shutil.disk_usage(existing).free / 1e9
     status = FindingStatus.OK if free_gb > 2 else FindingStatus.WARN
     return Finding("cache", status, f"{root}, {free_gb:.0f} GB free")
-
-
-def _first_existing(path: Path) -> Path:
-    return next(folder for folder in (path, *path.parents) if folder.exists())
 
 
 def _cores() -> Finding:
     cores = allowed_cores()
     if cores is None:
         detail = f"{os.cpu_count()} cores; engines cannot be pinned on {sys.platform}"
-        return Finding("cores", FindingStatus.WARN, detail, "several engines run faster on Linux")
-    detail = f"{len(cores)} of {os.cpu_count()} cores may be used; engines are pinned"
-    return Finding("cores", FindingStatus.OK, detail)
-
-
-def _local_sockets() -> Finding:
-    if hasattr(socket, "AF_UNIX"):
-        return Finding("sockets", FindingStatus.OK, "Unix domain sockets and TCP")
-    return Finding("sockets", FindingStatus.OK, "TCP (no Unix domain sockets here)")
+        return _warn("cores", detail, hint="several engines run faster on Linux")
+    return _ok("cores", f"{len(cores)} of {os.cpu_count()} cores may be used; engines are pinned")
 
 
 def _screen() -> Finding:
     if sys.platform != "linux":
-        return Finding("screen", FindingStatus.OK, "the system's own")
+        return _ok("screen", "the system's own")
     name = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if name:
-        return Finding("screen", FindingStatus.OK, f"display {name}")
+        return _ok("screen", f"display {name}")
     xvfb = find_xvfb()
     install = "for pictures and films: ludus engine install godot4 --rendering"
     if xvfb is None:
         hint = f"{install}, or the system's package (Debian: apt install xvfb)"
-        return Finding("screen", FindingStatus.WARN, "no display and no Xvfb", hint)
-    records = [record for _, record in cached_records(EngineKind.GODOT4)]
+        return _warn("screen", "no display and no Xvfb", hint)
+    records = [record for _, record in cached_engines(EngineKind.GODOT4)]
     if records and not any(record.has_rendering for record in records):
-        detail = f"{xvfb}, but the engine in the cache came without a renderer"
-        return Finding("screen", FindingStatus.WARN, detail, install)
-    return Finding("screen", FindingStatus.OK, f"virtual, by {xvfb}")
+        return _warn("screen", f"{xvfb}, but the engine in the cache has no renderer", install)
+    return _ok("screen", f"virtual, by {xvfb}")
 
 
 def _torch() -> Finding:
     if importlib.util.find_spec("torch") is None:
-        hint = 'for training: pip install "ludus-rl[train]"'
-        return Finding("torch", FindingStatus.WARN, "not installed", hint)
-    version = importlib.metadata.version("torch")
-    return Finding("torch", FindingStatus.OK, version)
+        return _warn("torch", "not installed", hint='for training: pip install "ludus-rl[train]"')
+    return _ok("torch", importlib.metadata.version("torch"))
 
 
 def _cuda() -> Finding:
     driver = shutil.which("nvidia-smi") or next(Path("/dev").glob("nvidia[0-9]*"), None)
     if driver is None:
-        return Finding("cuda", FindingStatus.OK, "no NVIDIA device; the CPU serves small networks")
-    return Finding("cuda", FindingStatus.OK, f"NVIDIA driver present ({driver})")
+        return _ok("cuda", "no NVIDIA device; the CPU is enough for small networks")
+    return _ok("cuda", f"NVIDIA driver present ({driver})")

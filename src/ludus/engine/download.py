@@ -10,7 +10,7 @@ import urllib.request
 from pathlib import Path
 from typing import IO
 
-from ludus.engine.routes import Progress, RouteUnavailable
+from ludus.engine.installing import InstallerUnavailable, Progress
 from ludus.errors import SetupError
 
 __all__ = ["CONNECT_TIMEOUT_S", "download"]
@@ -26,44 +26,34 @@ def download(url: str, into: Path, sha512: str, progress: Progress) -> None:
     """Fetch ``url`` into the file ``into``.
 
     Raises:
-        RouteUnavailable: The server cannot be reached.
-        SetupError: The transfer broke off, or the file is not the expected one.
+        InstallerUnavailable: The server cannot be reached.
+        SetupError: The transfer broke off, or the checksum is wrong.
     """
     try:
-        response = _connect(url)
+        response = urllib.request.urlopen(url, timeout=CONNECT_TIMEOUT_S)
     except (OSError, http.client.HTTPException) as error:
-        raise RouteUnavailable(f"{_host(url)} cannot be reached: {error}") from error
+        host = urllib.parse.urlsplit(url).netloc
+        raise InstallerUnavailable(f"{host} cannot be reached: {error}") from error
+    _set_read_timeout(response)
     name = into.name
     with response, into.open("wb") as file:
         try:
             digest = _copy(response, file, name, progress)
         except (TimeoutError, ConnectionError, http.client.HTTPException) as error:
-            raise SetupError(
-                f"the download of {url} broke off: {error}", hint="try again"
-            ) from error
+            raise SetupError(f"the download of {url} broke off: {error}", "try again") from error
     if digest != sha512:
         raise SetupError(
-            f"{name} is damaged: SHA-512 should be {sha512[:16]}…, is {digest[:16]}…",
-            hint="try again; if it stays, something between here and the server alters downloads",
+            f"{name} is damaged: expected SHA-512 {sha512[:16]}…, got {digest[:16]}…",
+            hint="try again; if this repeats, something between here and the server alters "
+            "downloads",
         )
-
-
-def _connect(url: str) -> http.client.HTTPResponse:
-    response = urllib.request.urlopen(url, timeout=CONNECT_TIMEOUT_S)
-    _set_read_timeout(response)
-    return response
 
 
 def _set_read_timeout(response: http.client.HTTPResponse) -> None:
     """Allow slow servers more time between two reads than for the connection."""
-    raw = getattr(response.fp, "raw", None)
-    connection = getattr(raw, "_sock", None)
+    connection = getattr(getattr(response.fp, "raw", None), "_sock", None)
     if isinstance(connection, socket.socket):
         connection.settimeout(READ_TIMEOUT_S)
-
-
-def _host(url: str) -> str:
-    return urllib.parse.urlsplit(url).netloc
 
 
 def _copy(

@@ -17,7 +17,7 @@ from ludus.engine.kinds import EngineKind
 from ludus.engine.launch import LaunchConfig
 from ludus.engine.official import platform_key
 from ludus.engine.output import mark_errors
-from ludus.engine.patching import bind_to_prefix
+from ludus.engine.prefix import bind_to_prefix
 from ludus.engine.process import EngineProcess
 from ludus.engine.project import Project, find_project
 from ludus.engine.template import ExportTemplate, find_template
@@ -28,7 +28,7 @@ __all__ = ["export_game"]
 DEFAULT_TIMEOUT_S = 300.0
 
 _PRESET_NAME = "ludus"
-# All resources: whatever a game loads by a path that it puts together would be missing otherwise.
+# All resources: those that a game loads by a path made at run time would be missing otherwise.
 _PRESET = """\
 [preset.0]
 
@@ -47,7 +47,7 @@ binary_format/architecture="{architecture}"
 """
 _NOT_COPIED = frozenset({".git", ".godot"})
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
-# What Godot reports when it tears itself down says nothing about the game.
+# Errors that Godot reports when it shuts down say nothing about the game.
 _TEARDOWN = re.compile(r"at exit|were leaked")
 _NUM_KEPT_LINES = 10_000
 _NUM_SHOWN_LINES = 20
@@ -71,7 +71,7 @@ def export_game(
         project: Folder of ``project.godot``.
         output: Executable to write, such as ``build/game.x86_64``; its folder is made.
         godot: Engine to use instead of looking for one.
-        include: Patterns of files that are no resources and go along nevertheless.
+        include: Patterns of further files to export, which are not resources.
         timeout_s: How long Godot may take, its import of the project included.
 
     Returns:
@@ -98,7 +98,11 @@ def export_game(
             _run_godot(engine.path, copy, built, timeout_s)
             if template.prefix is not None:
                 bind_to_prefix(built, template.prefix)
-            _move_out(built.parent, output.parent)
+            output.parent.mkdir(parents=True, exist_ok=True)
+            for part in built.parent.iterdir():  # the game, its data, libraries of extensions
+                target = output.with_name(part.name)
+                target.unlink(missing_ok=True)
+                shutil.move(part, target)
     except OSError as error:
         raise SetupError(f"{found.root} cannot be exported to {output}: {error}") from error
     return output
@@ -140,36 +144,17 @@ def _run_godot(godot: Path, project: Path, built: Path, timeout_s: float) -> Non
             f"the export did not end within {timeout_s:g} s: {report}",
             hint="export the project in the editor once, and see what takes so long",
         )
-    problems = _problems(code, lines, built)
+    problems = lines or ["it printed nothing"]
+    if code == 0:
+        # Godot may report success although it left out what it could not load.
+        errors = [line[4:] for line in mark_errors(lines) if line.startswith("  !")]
+        problems = [line for line in errors if not _TEARDOWN.search(line)]
+        for part in (built, built.with_suffix(".pck")):
+            if not part.is_file() or part.stat().st_size == 0:
+                problems.append(f"it wrote no {part.name}")
     if problems:
         shown = "\n".join(f"  {line}" for line in problems[:_NUM_SHOWN_LINES])
         raise EngineStartError(
             f"Godot could not export the project (exit code {code}):\n{shown}",
-            hint="res:// is the project's folder; open what the errors name in the editor",
+            hint="res:// is the project's folder; open the files with errors in the editor",
         )
-
-
-def _problems(code: int, lines: list[str], built: Path) -> list[str]:
-    """Godot may say that all went well though it left out what it could not load."""
-    if code != 0:
-        return lines or ["it said nothing"]
-    missing = [part.name for part in (built, built.with_suffix(".pck")) if _is_empty(part)]
-    return _errors(lines) + [f"it wrote no {name}" for name in missing]
-
-
-def _errors(lines: list[str]) -> list[str]:
-    errors = [line[4:] for line in mark_errors(lines) if line.startswith("  !")]
-    return [line for line in errors if not _TEARDOWN.search(line)]
-
-
-def _is_empty(file: Path) -> bool:
-    return not file.is_file() or file.stat().st_size == 0
-
-
-def _move_out(built: Path, folder: Path) -> None:
-    """Move the game and all that Godot put beside it (libraries of extensions)."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for part in built.iterdir():
-        target = folder / part.name
-        target.unlink(missing_ok=True)
-        shutil.move(part, target)

@@ -1,57 +1,69 @@
-"""Which Godot an exported game was made with, read from the head of its data."""
+"""What an executable was made with: Godot 3, Godot 4 or ``bevy_ludus``."""
 
 from __future__ import annotations
 
+import mmap
 import struct
 from pathlib import Path
 from typing import BinaryIO
 
 from ludus.engine.kinds import EngineKind
 
-__all__ = ["exported_with"]
+__all__ = ["exported_with", "is_bevy_game"]
 
+_BEVY_SIGNATURE = b"This game is made with bevy_ludus and speaks the Ludus protocol."
+"""What a game made with ``bevy_ludus`` answers to ``--ludus-about``."""
 _MAGIC = b"GDPC"
 _HEAD = struct.Struct("<4sII")
 """Magic, format of the pack, major version of Godot."""
 _TAIL = struct.Struct("<Q4s")
-"""What ends a program with embedded data: bytes of the data, magic."""
+"""The end of a program with embedded data: size of the data in bytes, magic."""
 _KINDS = {3: EngineKind.GODOT3, 4: EngineKind.GODOT4}
 
 
+def is_bevy_game(program: Path) -> bool:
+    """Tell whether an executable was made with ``bevy_ludus``; False if it cannot be read."""
+    try:
+        with (
+            program.open("rb") as file,
+            mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content,
+        ):
+            return content.find(_BEVY_SIGNATURE) >= 0
+    except (OSError, ValueError):  # an empty file cannot be mapped
+        return False
+
+
 def exported_with(program: Path) -> EngineKind | None:
-    """Return the kind of Godot that ``program`` runs; None if it carries no data of Godot.
+    """Return the Godot that ``program`` was exported with; None if it has no data of Godot.
 
     The data (``.pck``) lies beside the program, in the resources of a macOS bundle, or at the end
-    of the program itself. What cannot be read carries none: starting it tells why.
+    of the program itself. If it cannot be read, the result is None: starting the program will
+    report the reason.
     """
+    resources = program.parent.parent / "Resources"
+    # Where Godot looks for the data, in its order.
+    packs = (
+        program.with_suffix(".pck"),
+        program.with_name(program.name + ".pck"),
+        resources / f"{program.stem}.pck",
+    )
     try:
-        return _find_kind(program)
+        for pack in packs:
+            if pack.is_file():
+                with pack.open("rb") as file:
+                    return _kind_of_data(file, 0)
+        with program.open("rb") as file:
+            end = file.seek(0, 2) - _TAIL.size
+            if end < 0:
+                return None
+            file.seek(end)
+            size, magic = _TAIL.unpack(file.read(_TAIL.size))
+            return _kind_of_data(file, end - size) if magic == _MAGIC else None
     except OSError:
         return None
 
 
-def _find_kind(program: Path) -> EngineKind | None:
-    for pack in _packs(program):
-        if pack.is_file():
-            with pack.open("rb") as file:
-                return _kind(file, 0)
-    with program.open("rb") as file:
-        end = file.seek(0, 2)
-        if end < _TAIL.size:
-            return None
-        file.seek(end - _TAIL.size)
-        size, magic = _TAIL.unpack(file.read(_TAIL.size))
-        return _kind(file, end - _TAIL.size - size) if magic == _MAGIC else None
-
-
-def _packs(program: Path) -> list[Path]:
-    """Return where Godot looks for the data, in its order."""
-    resources = program.parent.parent / "Resources"
-    places = [program.with_suffix(".pck"), program.with_name(program.name + ".pck")]
-    return [*places, resources / f"{program.stem}.pck"]
-
-
-def _kind(file: BinaryIO, start: int) -> EngineKind | None:
+def _kind_of_data(file: BinaryIO, start: int) -> EngineKind | None:
     if start < 0:
         return None
     file.seek(start)

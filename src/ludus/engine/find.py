@@ -7,12 +7,18 @@ import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ludus.engine.cache import CacheRecord, cache_root, cached_records
+from ludus.engine.cache import EngineRecord, cache_root, cached_engines
 from ludus.engine.kinds import EngineKind, Version
-from ludus.engine.version import ask_version, show_version
+from ludus.engine.version import ask_version
 from ludus.errors import ConfigError, EngineNotFound
 
-__all__ = ["EngineSearch", "InstalledEngine", "find_engine", "list_engines", "search_engines"]
+__all__ = [
+    "EngineSearch",
+    "InstalledEngine",
+    "find_engine",
+    "list_engines",
+    "search_engines",
+]
 
 
 @dataclass(frozen=True)
@@ -37,8 +43,8 @@ class InstalledEngine:
     window_path: Path | None = None
 
     @classmethod
-    def from_cache(cls, kind: EngineKind, folder: Path, record: CacheRecord) -> InstalledEngine:
-        """Describe an engine that lies in the user cache."""
+    def from_cache(cls, kind: EngineKind, folder: Path, record: EngineRecord) -> InstalledEngine:
+        """Describe an engine in the user cache."""
         rendering = ", rendering" if record.has_rendering else ""
         return cls(
             kind=kind,
@@ -55,19 +61,19 @@ class InstalledEngine:
 
     @property
     def opens_window(self) -> bool:
-        """Whether it opens a window in any case: a Godot 3 that is no build for servers."""
+        """Whether it opens a window even if asked not to: a Godot 3 that is not a server build."""
         is_server = self.window_path is not None or "server" in self.path.name
         return self.kind is EngineKind.GODOT3 and not is_server
 
 
 @dataclass
 class EngineSearch:
-    """What a search came across.
+    """The result of a search.
 
     Attributes:
-        kind: What was looked for.
+        kind: Engine that was searched for.
         found: Usable engines, in the order of preference.
-        notes: One line per place looked at, and why it did not serve.
+        notes: One line per place that has no usable engine, with the reason.
     """
 
     kind: EngineKind
@@ -84,8 +90,8 @@ def find_engine(kind: EngineKind, explicit: Path | str | None = None) -> Install
             same holds for the environment variable.
 
     Raises:
-        ConfigError: The executable that the user named is missing or unfit.
-        EngineNotFound: There is no usable engine; the text lists every place looked at.
+        ConfigError: The executable that the user named is missing or unsuitable.
+        EngineNotFound: There is no usable engine; the text lists every place searched.
     """
     named = _named_by_user(kind, explicit)
     if named is not None:
@@ -95,12 +101,16 @@ def find_engine(kind: EngineKind, explicit: Path | str | None = None) -> Install
     if not search.found:
         _search_cache(search)
     if not search.found:
-        raise _not_found(search)
+        notes = [f"${kind.traits.environment_variable}: not set", *search.notes]
+        raise EngineNotFound(
+            "\n  ".join([f"no {kind.traits.label} was found; searched:", *notes]),
+            hint=f"ludus engine install {kind}",
+        )
     return search.found[0]
 
 
 def search_engines(kind: EngineKind) -> EngineSearch:
-    """Look in every place for one kind of engine; nothing raises."""
+    """Search every place for one kind of engine; never raises."""
     search = EngineSearch(kind)
     named = _named_by_user(kind, None)
     if named is not None:
@@ -127,30 +137,22 @@ def _named_by_user(kind: EngineKind, explicit: Path | str | None) -> tuple[Path,
 
 
 def _accept_named(kind: EngineKind, path: Path, source: str) -> InstalledEngine:
-    path = _inside_app_bundle(path.expanduser())
-    hint = f"correct {source}, or leave it out to use an engine from PATH or the cache"
+    path = path.expanduser()
+    inside_app_bundle = path / "Contents" / "MacOS" / "Godot"
+    if path.suffix == ".app" and inside_app_bundle.is_file():
+        path = inside_app_bundle
     if not path.is_file():
-        raise ConfigError(f"{source} names {path}, which is not a file", hint)
-    if not os.access(path, os.X_OK):
-        raise ConfigError(f"{source} names {path}, which is not executable", hint)
-    answer = ask_version(path)
-    if answer is None:
-        raise ConfigError(f"{source} names {path}, which does not answer --version", hint)
-    version, text = answer
-    if not kind.accepts(version):
-        raise ConfigError(f"{source} names {path}, {_wrong_version(kind, text)}", hint)
-    return InstalledEngine(kind, path.absolute(), version, text, source)
-
-
-def _inside_app_bundle(path: Path) -> Path:
-    """Turn a macOS ``Godot.app`` into the executable inside."""
-    inner = path / "Contents" / "MacOS" / "Godot"
-    return inner if path.suffix == ".app" and inner.is_file() else path
-
-
-def _wrong_version(kind: EngineKind, text: str) -> str:
-    traits = kind.traits
-    return f"which is {text}; {traits.label} needs {show_version(traits.minimum_version)} or newer"
+        problem = "is not a file"
+    elif not os.access(path, os.X_OK):
+        problem = "is not executable"
+    elif (answer := ask_version(path)) is None:
+        problem = "does not answer --version"
+    elif not kind.accepts(answer[0]):
+        problem = f"is {answer[1]}; {kind.traits.requirement}"
+    else:
+        return InstalledEngine(kind, path.absolute(), *answer, source)
+    hint = f"correct {source}, or leave it out to use an engine from PATH or the cache"
+    raise ConfigError(f"{source} names {path}, which {problem}", hint)
 
 
 def _search_path(search: EngineSearch) -> None:
@@ -159,40 +161,26 @@ def _search_path(search: EngineSearch) -> None:
         if location is None:
             search.notes.append(f"PATH: no {name}")
             continue
-        _consider_on_path(search, Path(location).absolute())
-
-
-def _consider_on_path(search: EngineSearch, path: Path) -> None:
-    answer = ask_version(path)
-    if answer is None:
-        search.notes.append(f"PATH: {path} does not answer --version")
-    elif not search.kind.accepts(answer[0]):
-        search.notes.append(f"PATH: {path}, {_wrong_version(search.kind, answer[1])}")
-    else:
-        search.found.append(InstalledEngine(search.kind, path, *answer, source="PATH"))
+        path = Path(location).absolute()
+        answer = ask_version(path)
+        if answer is None:
+            search.notes.append(f"PATH: {path} does not answer --version")
+        elif not search.kind.accepts(answer[0]):
+            search.notes.append(f"PATH: {path} is {answer[1]}; {search.kind.traits.requirement}")
+        else:
+            search.found.append(InstalledEngine(search.kind, path, *answer, source="PATH"))
 
 
 def _search_cache(search: EngineSearch) -> None:
-    root = cache_root()
+    kind, root = search.kind, cache_root()
     if root is None:
         search.notes.append("cache: skipped, platformdirs is not installed")
         return
-    for folder, record in cached_records(search.kind):
-        if not search.kind.accepts(record.version):
-            search.notes.append(
-                f"cache: {folder}, {_wrong_version(search.kind, record.version_text)}"
-            )
-            continue
-        search.found.append(InstalledEngine.from_cache(search.kind, folder, record))
+    for folder, record in cached_engines(kind):
+        if kind.accepts(record.version):
+            search.found.append(InstalledEngine.from_cache(kind, folder, record))
+        else:
+            version = f"{record.version_text}; {kind.traits.requirement}"
+            search.notes.append(f"cache: {folder} is {version}")
     if not search.found:
-        search.notes.append(f"cache: nothing usable in {root / 'engines' / search.kind}")
-
-
-def _not_found(search: EngineSearch) -> EngineNotFound:
-    traits = search.kind.traits
-    looked = [f"${traits.environment_variable}: not set", *search.notes]
-    lines = "\n".join(f"  {note}" for note in looked)
-    return EngineNotFound(
-        f"no {traits.label} was found; looked at\n{lines}",
-        hint=f"ludus engine install {search.kind}",
-    )
+        search.notes.append(f"cache: nothing usable in {root / 'engines' / kind}")

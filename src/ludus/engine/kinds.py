@@ -17,8 +17,8 @@ class EngineTraits:
     Attributes:
         label: Name for messages.
         minimum_version: Oldest version that Ludus supports; also fixes the major version.
-        environment_variable: Where users name their own executable.
-        path_names: Executable names looked for on ``PATH``, best first.
+        environment_variable: Variable in which users name their own executable.
+        path_names: Names of the executable on ``PATH``, best first.
     """
 
     label: str
@@ -26,11 +26,16 @@ class EngineTraits:
     environment_variable: str
     path_names: tuple[str, ...]
 
+    @property
+    def requirement(self) -> str:
+        """What a refused version should have been, for messages."""
+        return f"{self.label} needs {'.'.join(map(str, self.minimum_version))} or newer"
+
 
 class EngineKind(StrEnum):
     """An engine that must be installed to run a project.
 
-    Exported games and Bevy games are executables of their own and need none of these.
+    Exported games and Bevy games are executables and need none of these.
     """
 
     GODOT4 = "godot4"
@@ -38,7 +43,7 @@ class EngineKind(StrEnum):
 
     @property
     def traits(self) -> EngineTraits:
-        """What is particular about this kind."""
+        """The properties of this kind."""
         return _TRAITS[self]
 
     def accepts(self, version: Version) -> bool:

@@ -1,4 +1,4 @@
-"""What to start and how: the command line of a game, and everything around it."""
+"""How a game is started: its command line, its environment and its limits."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ludus.engine.bevy_game import bevy_command, is_bevy_game
-from ludus.engine.exported import exported_with
+from ludus.engine.exported import exported_with, is_bevy_game
 from ludus.engine.find import InstalledEngine
 from ludus.engine.kinds import EngineKind
 from ludus.engine.screen import find_xvfb, has_screen, with_display
@@ -29,7 +28,7 @@ class LaunchConfig:
         cores: Cores the process and all its threads are pinned to; None leaves it to the
             system.
         log_path: File that gets a copy of all output; it is appended to.
-        grace_s: How long a process may take to end politely before it is killed.
+        grace_s: How long the process may take to end by itself before it is killed.
         num_last_lines: How many lines of output are kept for error reports.
     """
 
@@ -49,8 +48,8 @@ class GodotFlags:
     Attributes:
         headless: Run without a window and without rendering.
         fixed_fps: Main-loop iterations per second of game time; this removes the cap on
-            speed. None leaves the game at real time.
-        user_args: Arguments for the game, such as ``--ludus-connect=…``.
+            speed. None runs the game in real time.
+        user_args: Arguments for the add-on, such as ``--ludus-connect=…``.
         engine_args: Further arguments for the engine.
     """
 
@@ -73,60 +72,49 @@ def godot_command(
     """
     program = str(engine.executable(headless=flags.headless))
     scene_args = () if scene is None else (scene,)
-    arguments = (
-        *_engine_flags(engine.kind, flags),
-        "--path",
-        str(project),
-        *scene_args,
-        *_user_args(flags),
-    )
-    return (
-        _unseen(program, arguments)
-        if flags.headless and engine.opens_window
-        else (program, *arguments)
-    )
+    arguments = (*_engine_args(engine.kind, flags), "--path", str(project), *scene_args)
+    if flags.headless and engine.opens_window:
+        return _hidden_command(program, (*arguments, *_user_args(flags)))
+    return (program, *arguments, *_user_args(flags))
 
 
 def executable_command(program: Path, flags: GodotFlags) -> tuple[str, ...]:
     """Build the command line of an exported Godot game, or of one made with ``bevy_ludus``."""
-    if is_bevy_game(program):
-        is_real_time = flags.fixed_fps is None
-        return bevy_command(
-            program, flags.user_args, is_headless=flags.headless, is_real_time=is_real_time
-        )
+    if is_bevy_game(program):  # it knows none of Godot's switches
+        headless = ("--ludus-headless",) if flags.headless else ()
+        real_time = ("--ludus-real-time",) if flags.fixed_fps is None else ()
+        return (str(program), *flags.user_args, *headless, *real_time)
     kind = exported_with(program) or EngineKind.GODOT4
-    arguments = (*_engine_flags(kind, flags), *_user_args(flags))
+    arguments = (*_engine_args(kind, flags), *_user_args(flags))
     if kind is EngineKind.GODOT3 and flags.headless:
-        return _unseen(str(program), arguments)
+        return _hidden_command(str(program), arguments)
     return (str(program), *arguments)
 
 
-def _unseen(program: str, arguments: tuple[str, ...]) -> tuple[str, ...]:
-    """Run a Godot 3 that opens a window so that nobody sees it, and let it draw nothing."""
-    if sys.platform != "linux":  # there `_engine_flags` does it
+def _hidden_command(program: str, arguments: tuple[str, ...]) -> tuple[str, ...]:
+    """Hide the window of a Godot 3 that always opens one, and let it draw nothing."""
+    if sys.platform != "linux":  # `_engine_args` hides it there
         return (program, *arguments)
     command = (program, "--no-window", "--disable-render-loop", *arguments)
-    # A game exported for servers needs no screen, and does not tell.
+    # A game exported for servers needs no screen, and cannot be told apart from others.
     return with_display(command) if has_screen() or find_xvfb() else command
 
 
-def _engine_flags(kind: EngineKind, flags: GodotFlags) -> tuple[str, ...]:
+def _engine_args(kind: EngineKind, flags: GodotFlags) -> tuple[str, ...]:
     arguments: list[str] = []
-    if kind is EngineKind.GODOT4:
-        arguments += _godot4_display(flags)
-    elif flags.headless and sys.platform in {"darwin", "win32"}:
-        arguments += ["--no-window"]  # on Linux, Godot 3 has a build of its own for this
+    if kind is EngineKind.GODOT3:
+        if flags.headless and sys.platform in {"darwin", "win32"}:
+            arguments += ["--no-window"]  # on Linux, Godot 3 has a separate build for this
+    elif flags.headless:
+        arguments += ["--headless"]
+    else:
+        arguments += ["--rendering-driver", "opengl3"]
+        if flags.fixed_fps is not None:
+            # A game that is not in real time needs no sound, and must not wait for the screen.
+            arguments += ["--disable-vsync", "--audio-driver", "Dummy"]
     if flags.fixed_fps is not None:
         arguments += ["--fixed-fps", str(flags.fixed_fps)]
     return (*arguments, *flags.engine_args)
-
-
-def _godot4_display(flags: GodotFlags) -> list[str]:
-    if flags.headless:
-        return ["--headless"]
-    # Faster than real time there is nothing to hear, and no screen to wait for.
-    unpaced = ["--disable-vsync", "--audio-driver", "Dummy"] if flags.fixed_fps is not None else []
-    return ["--rendering-driver", "opengl3", *unpaced]
 
 
 def _user_args(flags: GodotFlags) -> tuple[str, ...]:

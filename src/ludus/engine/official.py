@@ -1,4 +1,4 @@
-"""Route 4: the official release archives of Godot.
+"""Install the official release archives of Godot.
 
 The SHA-512 of every archive is pinned here. The sums were taken from the release records in
 https://github.com/godotengine/godot-builds (``releases/godot-<version>-stable.json``), which
@@ -14,16 +14,25 @@ from pathlib import Path
 
 from ludus.engine.archive import unpack_zip
 from ludus.engine.download import download
+from ludus.engine.installing import InstallerUnavailable, Progress, Unpacked
 from ludus.engine.kinds import EngineKind
-from ludus.engine.routes import Progress, RouteUnavailable, UnpackedEngine
+from ludus.errors import SetupError
 
-__all__ = ["ASSETS", "RELEASE_URL", "Asset", "OfficialRoute", "platform_key"]
+__all__ = [
+    "ENGINES",
+    "TEMPLATES",
+    "Archive",
+    "OfficialInstaller",
+    "official_engine",
+    "official_template",
+    "platform_key",
+]
 
 RELEASE_URL = "https://github.com/godotengine/godot/releases/download"
 
 
 @dataclass(frozen=True)
-class Asset:
+class Archive:
     """One archive of a release.
 
     Attributes:
@@ -32,6 +41,7 @@ class Asset:
         executable: Path of the executable inside.
         sha512: Checksum of the archive, lower-case hexadecimal.
         has_windows: Whether the executable can open a window.
+        is_whole: Whether the whole archive is needed, or only the executable.
     """
 
     tag: str
@@ -39,22 +49,23 @@ class Asset:
     executable: str
     sha512: str
     has_windows: bool = True
+    is_whole: bool = True
 
 
-def _godot4(suffix: str, sha512: str, executable: str | None = None) -> Asset:
+def _godot4(suffix: str, sha512: str, executable: str | None = None) -> Archive:
     name = f"Godot_v4.6.3-stable_{suffix}"
-    return Asset("4.6.3-stable", f"{name}.zip", executable or name, sha512)
+    return Archive("4.6.3-stable", f"{name}.zip", executable or name, sha512)
 
 
-def _godot3(suffix: str, sha512: str, executable: str | None = None) -> Asset:
+def _godot3(suffix: str, sha512: str, executable: str | None = None) -> Archive:
     name = f"Godot_v3.6.2-stable_{suffix}"
     is_server = "headless" in suffix
-    return Asset("3.6.2-stable", f"{name}.zip", executable or name, sha512, not is_server)
+    return Archive("3.6.2-stable", f"{name}.zip", executable or name, sha512, not is_server)
 
 
 # The first archive that an entry lists runs without a window; the others are fetched for
 # rendering only.
-ASSETS: dict[tuple[EngineKind, str], tuple[Asset, ...]] = {
+ENGINES: dict[tuple[EngineKind, str], tuple[Archive, ...]] = {
     (EngineKind.GODOT4, "linux-x86_64"): (
         _godot4(
             "linux.x86_64",
@@ -121,6 +132,26 @@ ASSETS: dict[tuple[EngineKind, str], tuple[Asset, ...]] = {
 }
 
 
+def _templates(executable: str) -> tuple[Archive]:
+    return (
+        Archive(
+            "4.6.3-stable",
+            "Godot_v4.6.3-stable_export_templates.tpz",
+            f"templates/{executable}",
+            "da606b61c10157844f8300172df374472665f95015495cb1a7cd132c40ede404"
+            "faa96cc1016a4b9662db9909ddea69632c4948b2cd11163438dad4808881fb68",
+            is_whole=False,
+        ),
+    )
+
+
+# One archive, of more than a gigabyte, contains the templates of all platforms.
+TEMPLATES: dict[str, tuple[Archive, ...]] = {
+    "linux-x86_64": _templates("linux_release.x86_64"),
+    "linux-arm64": _templates("linux_release.arm64"),
+}
+
+
 def platform_key() -> str:
     """Name this machine the way the table of archives does, such as ``linux-x86_64``."""
     system = {"darwin": "macos", "win32": "windows"}.get(sys.platform, sys.platform)
@@ -132,40 +163,51 @@ def platform_key() -> str:
 
 
 @dataclass(frozen=True)
-class OfficialRoute:
-    """Downloads the release archives from the project's own release page.
+class OfficialInstaller:
+    """Downloads release archives from the project's own release page.
 
     Attributes:
+        archives: The first one contains what runs without a window, the last one what opens
+            windows; empty if there is none for this platform.
+        release: Release that is needed, such as ``4.6.3.stable``; empty if any will do.
         base_url: Folder of the releases; tests point it at a local server.
-        assets: Archives per engine and platform.
     """
 
+    archives: tuple[Archive, ...]
+    release: str = ""
     base_url: str = RELEASE_URL
-    assets: tuple[Asset, ...] | None = None
     name: str = "official"
 
-    def unpack(
-        self, kind: EngineKind, folder: Path, *, rendering: bool, progress: Progress
-    ) -> UnpackedEngine:
-        """Download, check and unpack; see `Route`."""
-        assets = self._assets_for(kind)
-        wanted = assets if rendering else assets[:1]
-        executables = [self._fetch(asset, folder, progress) for asset in wanted]
-        return UnpackedEngine(executables[0], executables[-1], wanted[-1].has_windows)
+    def unpack(self, folder: Path, progress: Progress) -> Unpacked:
+        """Download, check and unpack; see `Installer`."""
+        if not self.archives:
+            raise InstallerUnavailable(f"there is no official archive for {platform_key()}")
+        last = self.archives[-1]
+        if self.release not in {"", last.tag.replace("-", ".")}:
+            raise InstallerUnavailable(f"it has {last.tag}, expected {self.release}")
+        programs = [self._fetch(archive, folder, progress) for archive in self.archives]
+        return Unpacked(programs[0], programs[0], programs[-1], last.has_windows)
 
-    def _assets_for(self, kind: EngineKind) -> tuple[Asset, ...]:
-        assets = self.assets or ASSETS.get((kind, platform_key()))
-        if not assets:
-            raise RouteUnavailable(f"there is no official archive for {platform_key()}")
-        return assets
-
-    def _fetch(self, asset: Asset, folder: Path, progress: Progress) -> Path:
-        archive = folder / asset.file_name
-        url = f"{self.base_url}/{asset.tag}/{asset.file_name}"
-        download(url, archive, asset.sha512, progress)
-        progress(f"unpack {asset.file_name}", None)
-        unpack_zip(archive, folder)
-        archive.unlink()
-        executable = folder / asset.executable
+    def _fetch(self, archive: Archive, folder: Path, progress: Progress) -> Path:
+        file = folder / archive.file_name
+        url = f"{self.base_url}/{archive.tag}/{archive.file_name}"
+        download(url, file, archive.sha512, progress)
+        progress(f"unpack {archive.file_name}", None)
+        unpack_zip(file, folder, None if archive.is_whole else {archive.executable})
+        file.unlink()
+        executable = folder / archive.executable
+        if not executable.is_file():
+            raise SetupError(f"{archive.file_name} does not contain {archive.executable}")
         executable.chmod(0o755)
         return executable
+
+
+def official_engine(kind: EngineKind, rendering: bool) -> OfficialInstaller:
+    """Return the installer of an engine for this machine."""
+    archives = ENGINES.get((kind, platform_key()), ())
+    return OfficialInstaller(archives if rendering else archives[:1])
+
+
+def official_template(release: str) -> OfficialInstaller:
+    """Return the installer of the export template for this machine."""
+    return OfficialInstaller(TEMPLATES.get(platform_key(), ()), release)

@@ -1,15 +1,17 @@
-"""Drain what a process writes, so that it never blocks, and keep the last lines."""
+"""Read what a process writes: all of a short tool's output, the last lines of a game's."""
 
 from __future__ import annotations
 
 import logging
 import os
+import subprocess
 import threading
 from collections import deque
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO
 
-__all__ = ["ERROR_MARKS", "OutputDrain", "mark_errors"]
+__all__ = ["ERROR_MARKS", "OutputDrain", "mark_errors", "run_captured"]
 
 ERROR_MARKS = ("SCRIPT ERROR", "ERROR:", "Parse Error", "USER ERROR", "panicked at", "Traceback")
 MAX_LINE_BYTES = 4000
@@ -18,13 +20,40 @@ _READ_BYTES = 1 << 16
 _log = logging.getLogger(__name__)
 
 
+def run_captured(
+    command: Sequence[str], timeout_s: float, env: Mapping[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run a tool to its end; ``stdout`` of the result also holds what it wrote to stderr.
+
+    Args:
+        command: Program and arguments.
+        timeout_s: How long it may take.
+        env: Complete environment; None passes on this process's own.
+
+    Raises:
+        OSError: The program cannot be started.
+        subprocess.TimeoutExpired: It took too long, and was killed.
+    """
+    return subprocess.run(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        encoding="utf-8",
+        errors="replace",
+        env=env,
+        timeout=timeout_s,
+        check=False,
+    )
+
+
 class OutputDrain:
-    """A daemon thread that reads a pipe until its end.
+    """A daemon thread that reads a pipe until its end, so that the writer never blocks.
 
     Args:
         pipe: Read end; the drain closes it.
         num_last_lines: How many lines to keep.
-        log_path: File that gets a copy; a full disk ends the copy, not the draining.
+        log_path: File that gets a copy; a full disk ends the copy, not the reading.
     """
 
     def __init__(self, pipe: IO[bytes], num_last_lines: int, log_path: Path | None) -> None:
@@ -46,9 +75,9 @@ class OutputDrain:
         return lines if count is None else lines[max(0, len(lines) - count) :]
 
     def script_errors(self) -> list[str]:
-        """Return what the game's scripts did wrong, as the engine printed it; cheap if nothing.
+        """Return the errors of the game's scripts, as the engine printed them; cheap if none.
 
-        What was printed again and again, as by every agent in every tick, stands there once.
+        An error that was printed many times, as by every agent in every tick, is listed once.
         """
         if not self._has_script_error:
             return []
@@ -70,7 +99,11 @@ class OutputDrain:
             while chunk := self._read():
                 self._copy_to_log(chunk)
                 with self._lock:
-                    self._add(chunk)
+                    text = self._partial + chunk
+                    *finished, rest = text.split(b"\n")
+                    self._has_script_error |= b"SCRIPT ERROR" in text
+                    self._lines.extend(_decode(line) for line in finished)
+                    self._partial = rest[-MAX_LINE_BYTES:]
         self._close_log()
 
     def _read(self) -> bytes:
@@ -79,19 +112,13 @@ class OutputDrain:
         except (OSError, ValueError):
             return b""
 
-    def _add(self, chunk: bytes) -> None:
-        *finished, rest = (self._partial + chunk).split(b"\n")
-        self._has_script_error |= b"SCRIPT ERROR" in self._partial + chunk
-        self._lines.extend(_decode(line) for line in finished)
-        self._partial = rest[-MAX_LINE_BYTES:]
-
     def _copy_to_log(self, chunk: bytes) -> None:
         if self._log_file is None:
             return
         try:
             self._log_file.write(chunk)
         except OSError as error:
-            _log.warning("the engine's log is cut off here: %s", error)
+            _log.warning("the rest of the engine's log is lost: %s", error)
             self._close_log()
 
     def _close_log(self) -> None:

@@ -7,7 +7,6 @@ import shlex
 import signal
 import weakref
 from pathlib import Path
-from types import TracebackType
 
 from ludus.engine.affinity import pinned_to
 from ludus.engine.launch import LaunchConfig
@@ -20,14 +19,8 @@ __all__ = ["EngineProcess"]
 NUM_SHOWN_LINES = 20
 
 _DRAIN_TIMEOUT_S = 1.0
-_STATES = {
-    "R": "computing",
-    "S": "asleep",
-    "D": "waiting for a disk",
-    "T": "stopped",
-    "t": "stopped",
-}
-"""What Linux says of a process's first thread (proc_pid_stat(5))."""
+# States of a process's first thread: proc_pid_stat(5).
+_STATES = dict(R="computing", S="asleep", D="waiting for a disk", T="stopped", t="stopped")
 
 
 class EngineProcess:
@@ -68,11 +61,6 @@ class EngineProcess:
         return cls(config, group, OutputDrain(pipe, config.num_last_lines, config.log_path))
 
     @property
-    def config(self) -> LaunchConfig:
-        """What was started."""
-        return self._config
-
-    @property
     def pid(self) -> int:
         """Process id of the engine."""
         return self._group.pid
@@ -81,11 +69,6 @@ class EngineProcess:
     def is_alive(self) -> bool:
         """Whether the process still runs."""
         return self.poll() is None
-
-    @property
-    def exit_code(self) -> int | None:
-        """Exit code, negative for a signal; None while it runs."""
-        return self.poll()
 
     def poll(self) -> int | None:
         """Return the exit code, negative for a signal, or None while it runs."""
@@ -96,39 +79,39 @@ class EngineProcess:
         return self._group.wait(timeout_s)
 
     def last_lines(self, count: int | None = None) -> list[str]:
-        """Return the newest lines the process wrote, oldest first; once it has ended, the last."""
+        """Return the newest lines the process wrote, oldest first."""
         self._await_rest()
         return self._output.last_lines(count)
 
     @property
     def script_errors(self) -> list[str]:
-        """What the game's scripts did wrong, as the engine printed it; cheap if nothing."""
+        """The errors of the game's scripts, as the engine printed them; cheap if none."""
         self._await_rest()
         return self._output.script_errors()
 
     def describe_death(self) -> str:
-        """Say how the process ended, with its command line and its last words.
+        """Say how the process ended, with its command line and its last lines of output.
 
         Lines that report a mistake are marked by ``!``, and shown even if other lines followed.
         """
-        self.poll()
-        self._await_rest()
-        end = _describe_exit(self.poll())
-        activity = _describe_activity(self.pid) if self.is_alive else ""
-        lines = [end + activity, f"command: {shlex.join(self._config.command)}"]
-        return "\n".join([*lines, *self._report()])
-
-    def _await_rest(self) -> None:
-        """Wait for what a process that is known to have ended wrote last."""
-        if self._group.popen.returncode is not None:
-            self._output.join(_DRAIN_TIMEOUT_S)
-
-    def _report(self) -> list[str]:
+        code = self.poll()
+        activity = _describe_activity(self.pid) if code is None else ""
         marked = mark_errors(self.last_lines())
         last, earlier = marked[-NUM_SHOWN_LINES:], marked[:-NUM_SHOWN_LINES]
         errors = [line for line in earlier if line.startswith("  !")][-NUM_SHOWN_LINES:]
-        report = ["errors it reported before:", *errors] if errors else []
-        return [*report, "last lines of its output:", *(last or ["  (none)"])]
+        lines = [
+            _describe_exit(code) + activity,
+            f"command: {shlex.join(self._config.command)}",
+            *(["errors it reported before:", *errors] if errors else []),
+            "last lines of its output:",
+            *(last or ["  (none)"]),
+        ]
+        return "\n".join(lines)
+
+    def _await_rest(self) -> None:
+        """Wait until the last output of a process that has ended is read."""
+        if self._group.popen.returncode is not None:
+            self._output.join(_DRAIN_TIMEOUT_S)
 
     def terminate(self) -> None:
         """End the process and all it started; politely, then by force. Harmless if repeated."""
@@ -140,12 +123,7 @@ class EngineProcess:
     def __enter__(self) -> EngineProcess:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.terminate()
 
     def __repr__(self) -> str:
@@ -165,11 +143,11 @@ def _describe_exit(code: int | None) -> str:
 
 
 def _describe_activity(pid: int) -> str:
-    """Say what a running process does, where the system tells: a loop computes, a lock sleeps."""
+    """Say what a running process does, on Linux: one in a loop computes, one in a lock sleeps."""
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:
         return ""
     state, user_ticks, system_ticks = fields[0], int(fields[11]), int(fields[12])
     cpu_s = (user_ticks + system_ticks) / os.sysconf("SC_CLK_TCK")
-    return f" ({_STATES.get(state, state)}, {cpu_s:.1f} s of processor time until now)"
+    return f" ({_STATES.get(state, state)}, {cpu_s:.1f} s of processor time so far)"

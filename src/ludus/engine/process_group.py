@@ -66,8 +66,8 @@ class ProcessGroup:
     def poll(self) -> int | None:
         """Return the exit code (negative: the signal), or None while it runs.
 
-        When the process is found dead without having been told to end, the rest of its group
-        is killed.
+        If the process has died without having been told to end, the rest of its group is
+        killed.
         """
         if not self.is_ours:
             return self.popen.returncode
@@ -97,7 +97,7 @@ class ProcessGroup:
         self.wait(grace_s + 5.0)
 
     def _is_group_gone(self, timeout_s: float) -> bool:
-        """Wait for what the process had started to tidy up (Xvfb removes its lock file)."""
+        """Wait for processes it had started to clean up (Xvfb removes its lock file)."""
         if sys.platform == "win32":
             return True
         deadline = time.monotonic() + timeout_s
@@ -110,7 +110,7 @@ class ProcessGroup:
         return False
 
     def _has_exited(self) -> bool:
-        """Look without reaping, so that the group's id cannot be given to somebody else."""
+        """Check without reaping, so that the id of the group cannot be reused."""
         if sys.platform == "win32" or not hasattr(os, "waitid"):
             return self.popen.poll() is not None
         options = os.WEXITED | os.WNOHANG | os.WNOWAIT
@@ -121,20 +121,16 @@ class ProcessGroup:
 
     def _signal_group(self, number: int) -> None:
         if sys.platform == "win32":
-            _taskkill(self.pid)
+            subprocess.run(
+                ["taskkill", "/F", "/T", "/PID", str(self.pid)],
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                check=False,
+            )
             return
-        # An empty group is no error; macOS reports it as a lack of permission.
+        # An empty group is not an error; macOS reports it as a lack of permission.
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self.pid, number)
 
 
 _KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
-
-
-def _taskkill(pid: int) -> None:
-    subprocess.run(
-        ["taskkill", "/F", "/T", "/PID", str(pid)],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        check=False,
-    )

@@ -7,13 +7,24 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ludus.engine.config_file import ConfigFile, parse_config
+from ludus.engine.config_file import parse_config
 from ludus.engine.kinds import EngineKind
 from ludus.errors import TargetError
 
-__all__ = ["PROJECT_FILE", "Project", "find_project", "read_project", "scene_path"]
+__all__ = [
+    "PROJECT_FILE",
+    "RUN_SCENE",
+    "Project",
+    "find_project",
+    "read_project",
+    "require_addon",
+    "scene_path",
+]
+
 
 PROJECT_FILE = "project.godot"
+RUN_SCENE = "res://addons/ludus/run.tscn"
+"""Scene of the add-on that runs another one."""
 SCENE_SUFFIXES = (".tscn", ".scn")
 DEFAULT_TICKS_PER_SECOND = 60
 
@@ -33,7 +44,7 @@ class Project:
     Attributes:
         root: Folder of ``project.godot``, absolute.
         name: Name of the game, or of the folder.
-        engine_kind: Engine that it is made for.
+        engine_kind: Engine that it was made for.
         main_scene: ``res://`` or ``uid://`` path of the main scene, if it has one.
         ticks_per_second: Physics ticks per second of game time.
     """
@@ -65,14 +76,20 @@ def read_project(root: Path) -> Project:
     """Read ``root/project.godot``.
 
     Raises:
-        TargetError: It cannot be read, or belongs to an engine that Ludus does not know.
+        TargetError: It cannot be read, or was made for an engine that Ludus does not support.
     """
     file = root / PROJECT_FILE
     try:
         config = parse_config(file.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:
         raise TargetError(f"{file} cannot be read: {error}") from error
-    kind = _engine_kind(config, file)
+    version = config.integer("/config_version")
+    kind = _KIND_OF_CONFIG_VERSION.get(version or 0)
+    if kind is None:
+        raise TargetError(
+            f"{file} has config_version {version}; expected 5 (Godot 4) or 4 (Godot 3)",
+            hint="open and save the project in Godot 4 once",
+        )
     return Project(
         root=root.resolve(),
         name=config.string("application/config/name") or root.resolve().name,
@@ -82,73 +99,64 @@ def read_project(root: Path) -> Project:
     )
 
 
-def _engine_kind(config: ConfigFile, file: Path) -> EngineKind:
-    version = config.integer("/config_version")
-    kind = _KIND_OF_CONFIG_VERSION.get(version or 0)
-    if kind is None:
-        raise TargetError(
-            f"{file} has config_version {version}; expected 5 (Godot 4) or 4 (Godot 3)",
-            hint="open and save the project in Godot 4 once",
-        )
-    return kind
+def require_addon(project: Project) -> None:
+    """Check that the project has the Ludus add-on.
+
+    Raises:
+        TargetError: It does not.
+    """
+    if not (project.root / RUN_SCENE.removeprefix("res://")).is_file():
+        hint = f"run `ludus addon install {project.root}`"
+        raise TargetError(f"{project.root} has no Ludus add-on", hint)
 
 
 def scene_path(project: Project, scene: str | Path | None) -> str:
-    """Turn what the user calls a scene into ``res://…``.
+    """Turn the user's name for a scene into ``res://…``.
 
     Args:
-        project: The project it must lie in.
+        project: The project that must contain it.
         scene: A ``res://`` or ``uid://`` path, a path on disk (relative to the current folder
             or to the project), or None for the main scene.
 
     Raises:
-        TargetError: The scene is missing, outside of the project, or the project has no main
+        TargetError: The scene is missing or outside the project, or the project has no main
             scene.
     """
     if scene is None:
-        scene = _main_scene(project)
+        if project.main_scene is None:
+            raise TargetError(
+                f"the project {project.root} has no main scene, and no scene was named",
+                hint=_scene_hint(project),
+            )
+        scene = project.main_scene
     text = str(scene)
     if text.startswith("uid://"):
-        return _scene_of_uid(project, text)
-    if text.startswith("res://"):
-        return _inside(project, project.root / text.removeprefix("res://"))
-    return _inside(project, _on_disk(project, Path(scene).expanduser()))
-
-
-def _main_scene(project: Project) -> str:
-    if project.main_scene is None:
-        raise TargetError(
-            f"the project {project.root} has no main scene, and none was named",
-            hint=_scene_hint(project),
-        )
-    return project.main_scene
-
-
-def _on_disk(project: Project, scene: Path) -> Path:
-    in_project = project.root / scene
-    return in_project if in_project.is_file() else scene.absolute()
-
-
-def _inside(project: Project, file: Path) -> str:
+        file = _scene_with_uid(project, text)
+    elif text.startswith("res://"):
+        file = project.root / text.removeprefix("res://")
+    else:
+        file = Path(scene).expanduser()
+        in_project = project.root / file
+        file = in_project if in_project.is_file() else file.absolute()
     resolved = file.resolve()
     if not resolved.is_file():
         raise TargetError(f"there is no scene {file}", hint=_scene_hint(project))
     if not resolved.is_relative_to(project.root):
         raise TargetError(
-            f"the scene {resolved} lies outside of the project {project.root}",
-            hint="a game can only load what lies in its project folder",
+            f"the scene {resolved} is outside the project {project.root}",
+            hint="a game can only load files in its project folder",
         )
     if resolved.suffix not in SCENE_SUFFIXES:
         raise TargetError(f"{resolved} is not a scene", hint=_scene_hint(project))
     return "res://" + resolved.relative_to(project.root).as_posix()
 
 
-def _scene_of_uid(project: Project, uid: str) -> str:
+def _scene_with_uid(project: Project, uid: str) -> Path:
     for file in _scenes(project):
         with file.open(encoding="utf-8", errors="replace") as opened:
             match = _SCENE_UID.match(opened.read(_HEADER_CHARACTERS))
         if match is not None and match[1] == uid:
-            return _inside(project, file)
+            return file
     raise TargetError(f"no scene in {project.root} has {uid}", hint=_scene_hint(project))
 
 

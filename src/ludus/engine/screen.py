@@ -1,6 +1,6 @@
-"""A virtual screen for games that draw, on a Linux machine that has no other.
+"""A virtual screen for games that draw, on a Linux machine without a screen.
 
-It is Xvfb: the one on ``PATH``, or the one in the user cache (see `install_screen`).
+It is Xvfb: the one on ``PATH``, or the one in the user cache (see `install.install_screen`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["SCREEN_FOLDER", "find_xvfb", "has_screen", "with_display", "with_vir
 SCREEN_FOLDER = "screens"
 
 _HINT = (
-    "`ludus engine install godot4 --rendering` brings Xvfb where the machine has apt; otherwise "
+    "`ludus engine install godot4 --rendering` installs Xvfb where the machine has apt; otherwise "
     "install it (Debian: apt install xvfb), or run without rendering"
 )
 # Started with the path of Xvfb as $0 and the game's command as arguments. Each screen has a cookie
@@ -40,7 +40,7 @@ DISPLAY=":$number" XAUTHORITY="$folder/authority" "$@"
 
 
 def has_screen() -> bool:
-    """Tell whether windows can be opened here without a virtual screen."""
+    """Tell whether windows can be opened without a virtual screen."""
     if sys.platform != "linux":
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
@@ -57,7 +57,7 @@ def find_xvfb() -> Path | None:
 
 
 def with_display(command: tuple[str, ...]) -> tuple[str, ...]:
-    """Give a command that opens a window a virtual screen, where there is no real one.
+    """Give a command that opens a window a virtual screen if there is no real one.
 
     The screen lasts as long as the command runs. Its exit code is the command's; 128 + n if
     signal n ended it.
@@ -69,7 +69,7 @@ def with_display(command: tuple[str, ...]) -> tuple[str, ...]:
         return command
     xvfb = find_xvfb()
     if xvfb is None:
-        raise SetupError("the game needs a screen, and there is neither one nor Xvfb", _HINT)
+        raise SetupError("the game needs a screen, but there is neither one nor Xvfb", _HINT)
     return with_virtual_screen(command, xvfb)
 
 

@@ -1,7 +1,7 @@
 """The list of named scripts that Godot 3 keeps in ``project.godot``.
 
-Its editor writes the list when it opens a project; a project that was never opened, or that got
-an add-on since, needs it from us, or ``class_name`` means nothing there.
+Godot's editor writes the list when it opens a project. In a project that was never opened, or
+that got an add-on since, Ludus must write it, or ``class_name`` has no effect.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def find_script_classes(folder: Path, root: str) -> list[ScriptClass]:
     """List the named scripts of a folder, by name.
 
     Args:
-        folder: Where the scripts lie.
+        folder: Folder of the scripts.
         root: ``res://`` path of that folder.
     """
     found: list[ScriptClass] = []
@@ -62,23 +62,23 @@ def find_script_classes(folder: Path, root: str) -> list[ScriptClass]:
 
 
 def add_script_classes(text: str, scripts: list[ScriptClass]) -> str:
-    """Return the text of a Godot 3 project file that lists ``scripts``, beside what it lists.
+    """Return the text of a Godot 3 project file with ``scripts`` added to its list.
 
-    The text is returned unchanged if all are listed. What is listed under one of the names stays.
+    The text is returned unchanged if all are listed. Existing entries with the same names stay.
     """
-    text = _with_empty_lists(text)
+    text = _add_empty_lists(text)
     entries = parse_config(text).entries
     listed = set(_LISTED.findall(entries[f"/{_CLASSES_KEY}"].value))
     new = [script for script in scripts if script.name not in listed]
     icons = [f'"{script.name}": {quote_string(script.icon)}' for script in new]
-    text = _extended(text, _CLASSES_KEY, ", ".join(script.entry() for script in new), ", ")
-    return _extended(text, _ICONS_KEY, ",\n".join(icons), ",\n")
+    text = _append_items(text, _CLASSES_KEY, ", ".join(script.entry() for script in new), ", ")
+    return _append_items(text, _ICONS_KEY, ",\n".join(icons), ",\n")
 
 
 def move_script_classes(text: str, scripts: list[ScriptClass]) -> str:
-    """Return the text with ``scripts`` where others are listed under their names.
+    """Return the text with the listed scripts replaced by those of ``scripts`` with their names.
 
-    Icons stay, and so does what is not listed.
+    Icons do not change, and scripts that are not listed are not added.
     """
     entry = parse_config(text).entries.get(f"/{_CLASSES_KEY}")
     if entry is None:
@@ -90,8 +90,8 @@ def move_script_classes(text: str, scripts: list[ScriptClass]) -> str:
     return text[: entry.start] + value + text[entry.end :]
 
 
-def _with_empty_lists(text: str) -> str:
-    """Add the two entries where they are missing, after ``config_version``."""
+def _add_empty_lists(text: str) -> str:
+    """Add the two entries after ``config_version`` if they are missing."""
     for key, empty in ((_ICONS_KEY, "{\n}"), (_CLASSES_KEY, "[  ]")):
         entries = parse_config(text).entries
         if f"/{key}" not in entries:
@@ -100,8 +100,8 @@ def _with_empty_lists(text: str) -> str:
     return text
 
 
-def _extended(text: str, key: str, addition: str, separator: str) -> str:
-    """Put something before the bracket that closes a value."""
+def _append_items(text: str, key: str, addition: str, separator: str) -> str:
+    """Insert items before the closing bracket of a value."""
     if not addition:
         return text
     entry = parse_config(text).entries[f"/{key}"]

@@ -1,21 +1,16 @@
 """Export templates: the executables from which Godot makes games for Linux.
 
-Godot wants the template to be of the very release that exports. They come from the user cache,
-or from where Godot's editor puts those that it downloads itself::
-
-    templates/<kind>/<release>-<route>/template.json     in the user cache
+Godot requires a template of exactly its own release. Templates come from the user cache, or from
+the folder in which Godot's editor keeps those that it downloads itself.
 """
 
 from __future__ import annotations
 
-import json
-import logging
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from ludus.engine.cache import cache_root
+from ludus.engine.cache import TemplateRecord
 from ludus.engine.find import InstalledEngine
 from ludus.engine.kinds import EngineKind
 from ludus.engine.official import platform_key
@@ -24,50 +19,10 @@ from ludus.errors import SetupError
 
 __all__ = [
     "ExportTemplate",
-    "TemplateRecord",
     "cached_templates",
     "find_template",
     "matching_template",
 ]
-
-RECORD_NAME = "template.json"
-
-_log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class TemplateRecord:
-    """The contents of ``template.json``.
-
-    Attributes:
-        version_text: What the template calls itself.
-        route: How it came here: ``official`` or ``debian``.
-        executable: Path of the template inside the folder.
-        prefix: Path inside the folder of the libraries that its games need; empty: none.
-    """
-
-    version_text: str
-    route: str
-    executable: str
-    prefix: str
-
-    def write(self, folder: Path) -> None:
-        """Make ``folder`` an installed template."""
-        (folder / RECORD_NAME).write_text(json.dumps(asdict(self), indent=2), encoding="utf-8")
-
-    @classmethod
-    def read(cls, folder: Path) -> TemplateRecord:
-        """Read the record of an installed template.
-
-        Raises:
-            OSError: There is none.
-            ValueError: It is not a record.
-        """
-        data: Any = json.loads((folder / RECORD_NAME).read_text(encoding="utf-8"))
-        try:
-            return cls(**{name: str(data[name]) for name in cls.__dataclass_fields__})
-        except (KeyError, TypeError) as error:
-            raise ValueError(f"record lacks or misspells {error}") from error
 
 
 @dataclass(frozen=True)
@@ -111,7 +66,7 @@ def find_template(engine: InstalledEngine) -> ExportTemplate:
     template = matching_template(engine)
     if template is not None:
         return template
-    others = [f"{other.version_text} ({other.source})" for other in cached_templates(engine.kind)]
+    others = [f"{other.version_text} ({other.source})" for other in cached_templates()]
     raise SetupError(
         f"there is no export template for {engine.path}, which is {engine.version_text}; "
         f"there are templates of: {', '.join(others) or 'no release'}",
@@ -122,28 +77,15 @@ def find_template(engine: InstalledEngine) -> ExportTemplate:
 
 def matching_template(engine: InstalledEngine) -> ExportTemplate | None:
     """Return the template to export with, or None; one whose games run anywhere goes first."""
-    found = [template for template in cached_templates(engine.kind) if template.fits(engine)]
+    found = [template for template in cached_templates() if template.fits(engine)]
     found += _godots_own(engine)
     return min(found, key=lambda template: template.prefix is not None, default=None)
 
 
-def cached_templates(kind: EngineKind) -> list[ExportTemplate]:
+def cached_templates() -> list[ExportTemplate]:
     """List the complete installations in the user cache."""
-    root = cache_root()
-    folders = sorted((root / "templates" / kind).glob("[!.]*")) if root else []
-    found = [(folder, _record_or_none(folder)) for folder in folders]
-    return [ExportTemplate.from_cache(folder, record) for folder, record in found if record]
-
-
-def _record_or_none(folder: Path) -> TemplateRecord | None:
-    if not (folder / RECORD_NAME).is_file():
-        return None
-    try:
-        record = TemplateRecord.read(folder)
-    except (OSError, ValueError) as error:
-        _log.warning("ignoring %s: %s", folder / RECORD_NAME, error)
-        return None
-    return record if (folder / record.executable).is_file() else None
+    found = TemplateRecord.read_all(f"templates/{EngineKind.GODOT4}")
+    return [ExportTemplate.from_cache(folder, record) for folder, record in found]
 
 
 def _godots_own(engine: InstalledEngine) -> list[ExportTemplate]:

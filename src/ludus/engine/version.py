@@ -9,6 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from ludus.engine.kinds import Version
+from ludus.engine.output import run_captured
 
 __all__ = ["VERSION_TIMEOUT_S", "ask_version", "parse_version", "release_name", "show_version"]
 
@@ -40,15 +41,15 @@ def release_name(version_text: str) -> str:
 
 
 def show_version(version: Version) -> str:
-    """Write a version the way people do: ``4.6.3``."""
+    """Write a version as ``4.6.3``."""
     return ".".join(str(part) for part in version)
 
 
 def ask_version(path: Path) -> tuple[Version, str] | None:
-    """Run ``path --version``; remember the answer while the file does not change.
+    """Run ``path --version``; the answer is cached until the file changes.
 
     Returns:
-        The numbers and the version text; None if the file did not answer like a Godot.
+        The numbers and the version text; None if the file did not answer as Godot does.
     """
     try:
         changed_ns = path.stat().st_mtime_ns
@@ -60,15 +61,8 @@ def ask_version(path: Path) -> tuple[Version, str] | None:
 @lru_cache(maxsize=64)
 def _ask_version(path: Path, _changed_ns: int) -> tuple[Version, str] | None:
     try:
-        done = subprocess.run(
-            [str(path), "--version"],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            timeout=VERSION_TIMEOUT_S,
-            check=False,
-        )
+        output = run_captured([str(path), "--version"], VERSION_TIMEOUT_S).stdout
     except (OSError, subprocess.TimeoutExpired) as error:
         _log.debug("%s --version failed: %s", path, error)
         return None
-    return parse_version(done.stdout.decode(errors="replace"))
+    return parse_version(output)

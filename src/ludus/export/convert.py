@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,8 @@ from ludus.model.policy_model import (
     PolicyModel,
     is_image,
 )
-from ludus.networks.distributions import LOG_STD_RANGE, ActionHead
-from ludus.networks.networks import FeatureTorso, ImageTorso
+from ludus.networks.distributions import LOG_STD_RANGE
+from ludus.networks.networks import ImageTorso
 from ludus.networks.normalise import LIMIT, RunningNormaliser
 from ludus.networks.policy import Policy
 from ludus.spec import Bound, ObservationEntry, PolicySpec
@@ -51,6 +51,8 @@ def to_model(policy: Policy, spec: PolicySpec) -> PolicyModel:
     Raises:
         RunError: The network has a part that the format does not know.
     """
+    head = policy.head
+    images = [entry.name for entry in spec.observation if is_image(entry)]
     return PolicyModel(
         policy=spec.name,
         fingerprint=spec.fingerprint(),
@@ -58,10 +60,14 @@ def to_model(policy: Policy, spec: PolicySpec) -> PolicyModel:
         action=spec.action,
         has_action_mask=spec.has_action_mask,
         normalisation=_normalisation(policy.encoder.normaliser),
-        images=_images(policy.torso, spec),
-        memory=_memory(policy.memory),
-        layers=_linears(list(policy.actor)),
-        distribution=_distribution(policy.head),
+        images=tuple(_image(*pair) for pair in zip(images, policy.torso.images, strict=True)),
+        memory=None if policy.memory is None else _memory(policy.memory),
+        layers=tuple(_linear(*pair) for pair in _with_activations(policy.actor)),
+        distribution=Distribution(
+            log_std=None if head.log_std is None else _array(head.log_std),
+            log_std_range=LOG_STD_RANGE,
+            is_squashed=head.shape.is_squashed,
+        ),
     )
 
 
@@ -86,16 +92,13 @@ def _normalisation(normaliser: RunningNormaliser | None) -> Normalisation | None
     return Normalisation(_array(tensors["_shift"]), _array(tensors["_scale"]), LIMIT)
 
 
-def _images(torso: FeatureTorso, spec: PolicySpec) -> tuple[ImageNetwork, ...]:
-    names = [entry.name for entry in spec.observation if is_image(entry)]
-    return tuple(_image(name, image) for name, image in zip(names, torso.images, strict=True))
-
-
-def _memory(cell: nn.GRUCell | None) -> Gru | None:
-    if cell is None:
-        return None
-    tensors = (cell.weight_ih, cell.weight_hh, cell.bias_ih, cell.bias_hh)
-    return Gru(*(_array(tensor) for tensor in tensors))
+def _memory(cell: nn.GRUCell) -> Gru:
+    return Gru(
+        weight_input=_array(cell.weight_ih),
+        weight_hidden=_array(cell.weight_hh),
+        bias_input=_array(cell.bias_ih),
+        bias_hidden=_array(cell.bias_hh),
+    )
 
 
 def _image(entry: str, torso: nn.Module) -> ImageNetwork:
@@ -117,17 +120,13 @@ def _convolution(module: nn.Module, activation: Activation) -> Convolution:
     )
 
 
-def _linears(modules: Sequence[nn.Module]) -> tuple[Linear, ...]:
-    return tuple(_linear(*pair) for pair in _with_activations(modules))
-
-
 def _linear(module: nn.Module, activation: Activation) -> Linear:
     if not isinstance(module, nn.Linear):
         raise _unknown(module)
     return Linear(_array(module.weight), _array(module.bias), activation)
 
 
-def _with_activations(modules: Sequence[nn.Module]) -> list[tuple[nn.Module, Activation]]:
+def _with_activations(modules: Iterable[nn.Module]) -> list[tuple[nn.Module, Activation]]:
     """Pair each layer with the non-linearity behind it."""
     pairs: list[tuple[nn.Module, Activation]] = []
     for module in modules:
@@ -141,21 +140,13 @@ def _with_activations(modules: Sequence[nn.Module]) -> list[tuple[nn.Module, Act
     return pairs
 
 
-def _distribution(head: ActionHead) -> Distribution:
-    return Distribution(
-        log_std=None if head.log_std is None else _array(head.log_std),
-        log_std_range=LOG_STD_RANGE,
-        is_squashed=head.shape.is_squashed,
-    )
-
-
 def _array(tensor: Tensor) -> NDArray[np.float32]:
     return np.array(tensor.detach().cpu().float().numpy(), np.float32)
 
 
 def _unknown(module: nn.Module) -> RunError:
     return RunError(
-        f"a network with {module} at this place cannot be exported",
+        f"cannot export a network with {module} at this place",
         "the format knows linear layers, convolutions, GRU cells and "
         f"{', '.join(ACTIVATIONS.values())}",
     )

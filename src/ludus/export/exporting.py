@@ -8,11 +8,10 @@ from pathlib import Path
 
 from ludus.disk import disk_errors, write_atomically
 from ludus.engine import EngineKind, InstalledEngine, find_engine
-from ludus.engine.bevy_game import is_bevy_game
+from ludus.engine.exported import is_bevy_game
 from ludus.errors import EngineNotFound, SetupError, TargetError
-from ludus.export.bevy_runtime import BevyGame
 from ludus.export.convert import to_model
-from ludus.export.godot_runtime import find_godot
+from ludus.export.engines import BevyGame
 from ludus.export.parity import (
     ParityReport,
     PolicyFiles,
@@ -99,9 +98,8 @@ def export_policies(config: ExportConfig) -> list[Exported]:
         ]
         reports: list[ParityReport | None] = [None] * len(trained)
         if config.is_tested:
-            reports = [
-                _test(one, files, engine) for one, files in zip(trained, staged, strict=True)
-            ]
+            pairs = zip(trained, staged, strict=True)
+            reports = [_test(one, files, engine) for one, files in pairs]
         return [
             Exported(one.spec.name, place, _publish(files, place), report)
             for one, files, place, report in zip(trained, staged, places, reports, strict=True)
@@ -182,12 +180,15 @@ def _find_engine(
 
 
 def _find_godot(formats: set[str], godot: Path | None, kind: EngineKind) -> InstalledEngine | None:
-    if JSON in formats or godot is not None:
-        return find_godot(godot, kind)
     try:
-        return find_engine(kind)
-    except EngineNotFound:
-        return None
+        return find_engine(kind, godot)
+    except EngineNotFound as error:
+        if JSON not in formats and godot is None:
+            return None
+        raise EngineNotFound(
+            f"the exported policy cannot be tested in Godot: {error.message}",
+            f"{error.hint}; or export without the test: --no-parity",
+        ) from None
 
 
 def _find_game(trained: TrainConfig) -> Target | None:

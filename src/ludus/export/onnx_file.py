@@ -87,8 +87,8 @@ def _check_names(model: PolicyModel) -> None:
     for entry in model.observation:
         if entry.name in RESERVED:
             raise RunError(
-                f"policy {model.policy}: an ONNX file cannot have an observation entry called "
-                f"{entry.name}, which is another input or output",
+                f"policy {model.policy}: the observation entry {entry.name} has the name of "
+                "another input or output of the ONNX file",
                 "rename the entry and train again, or export to .ludus.json",
             )
 

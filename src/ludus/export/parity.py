@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from ludus.engine import InstalledEngine
 from ludus.errors import ParityError
-from ludus.export.bevy_runtime import BevyGame, answer_with_bevy
 from ludus.export.compare import TOLERANCE, Comparison, compare
-from ludus.export.godot_runtime import answer_with_godot
+from ludus.export.engines import BevyGame, answer_with_engine
 from ludus.export.inputs import draw_inputs
 from ludus.export.runtimes import (
     Answers,
@@ -92,11 +91,10 @@ def measure_parity(
     answers: dict[str, Answers] = {"NumPy": answer_with_numpy(files.json, inputs)}
     if files.onnx is not None:
         answers["ONNX Runtime"] = answer_with_onnx(files.onnx, inputs)
-    if isinstance(engine, BevyGame):
-        answers["Bevy"] = answer_with_bevy(engine, files.json, model, inputs)
-    elif engine is not None:
-        name = f"Godot {'.'.join(map(str, engine.version))}"
-        answers[name] = answer_with_godot(engine, files.json, model, inputs)
+    if engine is not None:
+        is_bevy = isinstance(engine, BevyGame)
+        name = "Bevy" if is_bevy else f"Godot {'.'.join(map(str, engine.version))}"
+        answers[name] = answer_with_engine(engine, files.json, model, inputs)
     num_recorded = inputs.num_recorded * inputs.num_steps
     return ParityReport(
         policy=model.policy,

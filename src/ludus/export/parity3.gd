@@ -1,5 +1,5 @@
 extends SceneTree
-## Runs an exported policy on the observations of a parity test, see godot_runtime.py.
+## Runs an exported policy on the observations of a parity test, see engines.py.
 ## Last argument: the folder with request.json and inputs.bin; answers.bin is written there.
 
 const REQUEST := "request.json"

@@ -40,7 +40,7 @@ def format_of(path: Path) -> str:
     close = [JSON if close == [".json"] else close[0]] if close else []
     meant = f"did you mean {path.name.removesuffix(wrong)}{close[0]}? " if close else ""
     raise ConfigError(
-        f"{path} is no kind of file that policies are exported to",
+        f"cannot export to {path}: unknown format",
         f"{meant}end it in {JSON} (for games) or {ONNX}, or in / for a folder",
     )
 

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from ludus.league.matches import MatchTracker, Teams, expected_score, score
 from ludus.networks.policy import Player, Policy
+from ludus.networks.tensors import with_prefix
 from ludus.settings.train_config import LeagueConfig
 from ludus.spec import PolicySpec
 from ludus.spec.batch import ActionBatch, Batch, Batches
@@ -243,17 +244,11 @@ def past_selves(
     tensors: Mapping[str, Tensor], values: Mapping[str, Any]
 ) -> dict[str, list[PastSelf]]:
     """Return the past selves of each policy in what :meth:`League.state` returned."""
-
-    def of(policy: str, number: int) -> dict[str, Tensor]:
-        prefix = f"{policy}/{number}/"
-        return {
-            name.removeprefix(prefix): tensor
-            for name, tensor in tensors.items()
-            if name.startswith(prefix)
-        }
-
     return {
-        policy: [PastSelf(number, rating, of(policy, number)) for number, rating in pool]
+        policy: [
+            PastSelf(number, rating, with_prefix(tensors, f"{policy}/{number}/"))
+            for number, rating in pool
+        ]
         for policy, pool in values["past"].items()
     }
 

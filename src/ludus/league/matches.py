@@ -51,7 +51,8 @@ class Teams:
         wrong = [name for name, spec in policies.items() if spec.episode != "world"]
         if wrong:
             raise ConfigError(
-                f"self-play needs episodes of whole worlds, those of policy {wrong[0]} are not",
+                f"self-play needs episodes that end for a whole world; those of policy {wrong[0]} "
+                "do not",
                 "set episode_mode of the LudusWorld to WORLD",
             )
         worlds = {

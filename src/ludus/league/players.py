@@ -12,6 +12,7 @@ from torch import Tensor
 
 from ludus.errors import CheckpointError, ConfigError
 from ludus.league.league import past_selves
+from ludus.networks.tensors import with_prefix
 from ludus.runs.checkpoint import Checkpoint, CheckpointStore, read_checkpoint
 from ludus.runs.run_folder import RunFolder
 from ludus.runs.saved import find_checkpoint
@@ -19,8 +20,6 @@ from ludus.settings.merging import saved_policy
 from ludus.settings.policy_config import PolicyConfig
 
 __all__ = ["LeaguePlayer", "LeaguePlayers", "load_players", "subsample"]
-
-POLICY_PREFIX = "policy."
 
 log = logging.getLogger(__name__)
 
@@ -124,11 +123,7 @@ def _of_checkpoint(checkpoint: Checkpoint, *, is_newest: bool) -> dict[str, Leag
             is_newest=is_newest,
             rating=ratings.get(name),
             settings=settings[name],
-            tensors={
-                key.removeprefix(POLICY_PREFIX): tensor
-                for key, tensor in learner.tensors.items()
-                if key.startswith(POLICY_PREFIX)
-            },
+            tensors=with_prefix(learner.tensors, "policy."),
         )
         for name, learner in checkpoint.learners.items()
     }

@@ -21,8 +21,8 @@ from ludus.errors import RunError
 from ludus.league.league import act_for
 from ludus.league.matches import MatchTracker, Teams, score
 from ludus.league.players import LeaguePlayer, LeaguePlayers
-from ludus.networks.load_tensors import load_tensors
 from ludus.networks.policy import Player, Policy
+from ludus.networks.tensors import load_tensors
 from ludus.pool.interface import Pool
 from ludus.spec.batch import ActionBatch, Batches
 

@@ -1,15 +1,18 @@
-"""Games that speak the protocol of another project, driven from Python as they are.
+"""Legacy bridges: games that speak the wire of another project, driven as they are.
 
 ::
 
-    registry   which bridge a target means, and how its games are opened
-    places     what stands behind the prefix of a target
-    session    any of these games as a Session; world holds its batch and its episodes
-    game       what a bridge must offer for that: LegacyGame
-    launching  the command that starts a game, and ends it with this process
-    watching   the process of a game that we started
+    registry      which bridge a target means, and how its games are opened
+    addresses     what follows the prefix of a target
+    session       any legacy game as a Session; world holds its batch and its episodes
+    env           any legacy game with one agent as gymnasium.Env
+    game          what a bridge must offer for both: LegacyGame
+    conversation  requests and answers: deadlines, errors, the end
+    launching     the game's process: how it is started, watched and ended
+    spaces        from actions to JSON, and from JSON to observations
+    addon         our add-on in a project that was written for another one
 
-``gymgodot`` drives projects written for GymGodot (Godot 3, JSON over a WebSocket),
-``godot_gym_api`` games written for godot_gym_api (Godot 3, JSON and protobuf over TCP), and
-``bevy_rl`` programs made with bevy_rl (Bevy, REST).
+Per bridge a package with its messages and framing, its game and its settings: ``gymgodot`` (Godot
+3, JSON over a WebSocket), ``godot_gym_api`` (Godot 3, JSON and protobuf over TCP), and ``bevy_rl``
+(Bevy, REST).
 """

@@ -1,40 +1,81 @@
 """Let a project that was written for another add-on use ours in its place.
 
-In Godot 4 that is godot-ai: the files that declare its classes are put aside. Where each stood, a
-script of one line stands for it, so that scenes and scripts that name its path, or its UID, find
-it. In Godot 3 the same is done for GymGodot (:mod:`ludus.legacy.gymgodot.addon`) and godot_gym_api
-(:mod:`ludus.legacy.godot_gym_api.addon`).
+The files that declare the other add-on's classes are backed up. In the place of each comes a script
+of one line that extends ours, so that scenes and scripts that name its path, or its UID, find it.
+In Godot 4 the other add-on is godot-ai, in Godot 3 godot_gym_api or GymGodot.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
-from ludus.addon import LEGACY_PATH, install_addon, install_folder
+from ludus.addon import (
+    LEGACY_PATH,
+    AddonChange,
+    install_addon,
+    install_folder,
+    read_project_file,
+    write_project_file,
+)
 from ludus.engine.kinds import EngineKind
 from ludus.engine.project import find_project
-from ludus.errors import ConfigError
-from ludus.legacy.addon_files import LegacyChange, declared_classes, own_classes, put_aside
-from ludus.legacy.godot_gym_api.addon import KEPT_PATH as GODOT_GYM_API_KEPT_PATH
-from ludus.legacy.godot_gym_api.addon import godot_gym_api_stand_ins, list_own_classes
-from ludus.legacy.gymgodot.addon import KEPT_PATH as GYMGODOT_KEPT_PATH
-from ludus.legacy.gymgodot.addon import gymgodot_stand_ins, scenes_without_action
+from ludus.engine.script_classes import find_script_classes, move_script_classes
+from ludus.errors import ConfigError, SetupError
+from ludus.legacy.addon_files import back_up, declared_classes, own_classes
+from ludus.legacy.gymgodot.addon import SCRIPT as GYMGODOT_SCRIPT
+from ludus.legacy.gymgodot.addon import gymgodot_scripts, scenes_without_action
 
-__all__ = ["KEPT_PATH", "LegacyChange", "install_legacy_addon"]
+__all__ = ["LegacyChange", "install_legacy_addon"]
 
-KEPT_PATH = "godot-ai.old"
-"""Where replaced files are kept; Godot does not look into it."""
 
-_ROOT_CLASS = "AIBaseEnvironment"
-_STAND_IN = """\
+@dataclass(frozen=True)
+class LegacyChange:
+    """What an installation did.
+
+    Attributes:
+        addon: To the add-on.
+        legacy: To the folder with the classes that legacy games name.
+        replaced: Files of the other add-on that were backed up, relative to the project.
+        kept: Folder of the backup, relative to the project; empty if there is none.
+        without_action: Scenes with a node of GymGodot that does not say what an action is.
+    """
+
+    addon: AddonChange
+    legacy: AddonChange
+    replaced: tuple[str, ...] = ()
+    kept: str = ""
+    without_action: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Original:
+    """An add-on whose classes ours can replace.
+
+    Attributes:
+        name: Of the project that it comes from.
+        root_class: Where a game has this class, all of the same names are the add-on's.
+        root_script: Name of the file that declares it; empty: any.
+    """
+
+    name: str
+    root_class: str
+    root_script: str = ""
+
+
+_ORIGINALS = {
+    EngineKind.GODOT4: _Original("godot-ai", "AIBaseEnvironment"),
+    EngineKind.GODOT3: _Original("godot_gym_api", "RLEnvironment", "rl_environment.gd"),
+}
+_FORWARDING_SCRIPT = """\
 extends "res://{path}"
-## Stands where a file of godot-ai stood, for scenes and scripts that name its path.
-## Made by `ludus addon install --legacy`, which keeps that file in {kept}.
+# In the place of a script of {name}, for scenes and scripts that name its path.
+# Made by `ludus addon install --legacy`, which keeps that script in {kept}.
 """
 
 
 def install_legacy_addon(project: Path, *, force: bool = False) -> LegacyChange:
-    """Install the add-on with the classes of others' names, in the place of their own.
+    """Install the add-on, and its classes in the place of another add-on's.
 
     Repeating it changes nothing.
 
@@ -49,47 +90,60 @@ def install_legacy_addon(project: Path, *, force: bool = False) -> LegacyChange:
         SetupError: The project cannot be written.
     """
     found = find_project(project)
-    if found.engine_kind is EngineKind.GODOT3:
-        return _install_in_godot3(found.root, force=force)
-    return _install_for_godot_ai(found.root, force=force)
+    root, is_godot3 = found.root, found.engine_kind is EngineKind.GODOT3
+    original = _ORIGINALS[found.engine_kind]
+    scripts = _forwarding_scripts(root, found.engine_kind, original)
+    legacy = install_folder(root, LEGACY_PATH, force=force)
+    addon = install_addon(root, force=force)
+    name = original.name if scripts else "gymgodot"
+    if is_godot3:
+        _list_own_classes(root)
+        forward = _forwarding_script("GymGodot", GYMGODOT_SCRIPT)
+        scripts = dict.fromkeys(gymgodot_scripts(root), forward) | scripts
+    kept = back_up(root, scripts, f"{name}.old") if scripts else ""
+    names = tuple(sorted(file.relative_to(root).as_posix() for file in scripts))
+    without_action = scenes_without_action(root) if is_godot3 else ()
+    return LegacyChange(addon, legacy, names, kept, without_action)
 
 
-def _install_for_godot_ai(root: Path, *, force: bool) -> LegacyChange:
-    ours = own_classes(EngineKind.GODOT4)
+def _forwarding_scripts(root: Path, kind: EngineKind, original: _Original) -> dict[Path, str]:
+    """Return what takes the places of an add-on's scripts.
+
+    Raises:
+        ConfigError: The game has a class of one of our names, which is not the add-on's.
+    """
+    ours = own_classes(kind)
     theirs = {name: file for name, file in declared_classes(root) if name in ours}
-    _refuse_foreign_classes(root, theirs)
-    addon = install_addon(root, force=force)
-    legacy = install_folder(root, LEGACY_PATH, force=force)
-    if not theirs:
-        return LegacyChange(addon, legacy)
+    root_file = theirs.get(original.root_class)
+    script = original.root_script
+    if theirs and (root_file is None or (script and root_file.name != script)):
+        rows = "\n".join(f"  {name}: {file.relative_to(root)}" for name, file in theirs.items())
+        where = f" in a {script}" if script else ""
+        raise ConfigError(
+            f"the game has classes of these names, which the add-on brings, too:\n{rows}",
+            hint=f"rename them; they are not taken for those of {original.name}, as there is no "
+            f"{original.root_class}{where}",
+        )
     # The root class comes last: until then a repetition knows whose the others are.
-    stand_ins = {
-        theirs[name]: _STAND_IN.replace("{path}", ours[name])
-        for name in sorted(theirs, key=lambda name: name == _ROOT_CLASS)
-    }
-    kept = put_aside(root, stand_ins, KEPT_PATH)
-    names = sorted(file.relative_to(root).as_posix() for file in theirs.values())
-    return LegacyChange(addon, legacy, tuple(names), kept)
+    names = sorted(theirs, key=lambda name: name == original.root_class)
+    return {theirs[name]: _forwarding_script(original.name, ours[name]) for name in names}
 
 
-def _install_in_godot3(root: Path, *, force: bool) -> LegacyChange:
-    theirs = godot_gym_api_stand_ins(root)
-    legacy = install_folder(root, LEGACY_PATH, force=force)
-    addon = install_addon(root, force=force)
-    list_own_classes(root)
-    stand_ins = {**gymgodot_stand_ins(root), **theirs}
-    kept_path = GODOT_GYM_API_KEPT_PATH if theirs else GYMGODOT_KEPT_PATH
-    kept = put_aside(root, stand_ins, kept_path) if stand_ins else ""
-    names = tuple(sorted(file.relative_to(root).as_posix() for file in stand_ins))
-    return LegacyChange(addon, legacy, names, kept, scenes_without_action(root))
+def _forwarding_script(name: str, path: str) -> str:
+    return _FORWARDING_SCRIPT.replace("{name}", name).replace("{path}", path)
 
 
-def _refuse_foreign_classes(root: Path, theirs: dict[str, Path]) -> None:
-    """Class names are unique: beside godot-ai's root class, all of these are godot-ai's."""
-    if not theirs or _ROOT_CLASS in theirs:
+def _list_own_classes(root: Path) -> None:
+    """Let ``project.godot`` list our scripts under the names that both add-ons have."""
+    text = read_project_file(root)
+    ours = find_script_classes(root / LEGACY_PATH, f"res://{LEGACY_PATH}")
+    moved = move_script_classes(text, ours)
+    if moved == text:
         return
-    rows = "\n".join(f"  {name}: {file.relative_to(root)}" for name, file in theirs.items())
-    raise ConfigError(
-        f"the game has classes of these names, which the classes of godot-ai need:\n{rows}",
-        hint=f"rename them; they are not taken for godot-ai's, as there is no {_ROOT_CLASS}",
-    )
+    try:
+        write_project_file(root, moved)
+    except OSError as error:
+        raise SetupError(
+            f"the classes could not be listed in the project file of {root}: {error}",
+            hint="the project folder must be writable, and the disk not full",
+        ) from error

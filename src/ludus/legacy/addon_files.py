@@ -1,45 +1,25 @@
-"""Files of another add-on in a game: find its classes, put its files aside."""
+"""Files of another add-on in a game: find its classes, back up its files."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
-from ludus.addon import ADDON_PATH, LEGACY_PATH, AddonChange
+from ludus.addon import ADDON_PATH, LEGACY_PATH
 from ludus.engine.bundled import bundled_root
 from ludus.engine.kinds import EngineKind
 from ludus.errors import SetupError
 
-__all__ = ["LegacyChange", "declared_classes", "is_hidden", "own_classes", "put_aside"]
+__all__ = ["back_up", "declared_classes", "is_hidden", "own_classes"]
 
 _OWN_PREFIX = "Ludus"
 _CLASS_NAME = re.compile(r"^\s*class_name\s+(\w+)", re.MULTILINE)
 _CACHES = {".godot", ".import"}
 
 
-@dataclass(frozen=True)
-class LegacyChange:
-    """What an installation did.
-
-    Attributes:
-        addon: To the add-on.
-        legacy: To the folder with the classes of others' names.
-        replaced: Files of the other add-on that were put aside, relative to the project.
-        kept: Folder that they lie in now, relative to the project; empty if none were.
-        without_action: Scenes with a node of GymGodot that does not say what an action is.
-    """
-
-    addon: AddonChange
-    legacy: AddonChange
-    replaced: tuple[str, ...] = ()
-    kept: str = ""
-    without_action: tuple[str, ...] = ()
-
-
 def own_classes(kind: EngineKind) -> dict[str, str]:
-    """Return the classes of others' names that come with Ludus, and their paths in a project."""
+    """Return the classes for legacy games that come with Ludus, and their paths in a project."""
     root = bundled_root(kind)
     found = dict(_classes(root / LEGACY_PATH))
     return {name: file.relative_to(root).as_posix() for name, file in found.items()}
@@ -59,25 +39,26 @@ def is_hidden(file: Path, root: Path) -> bool:
     )
 
 
-def put_aside(root: Path, stand_ins: Mapping[Path, str], kept_path: str) -> str:
-    """Replace files, in order.
+def back_up(root: Path, replacements: Mapping[Path, str], backup_dir: str) -> str:
+    """Replace files, in order, and keep them.
 
     Args:
         root: Folder of the project.
-        stand_ins: What takes the place of each file; ``{kept}`` is where it is kept.
-        kept_path: Where to keep them, relative to the project; a number is added if it exists.
+        replacements: What takes the place of each file; ``{kept}`` is the folder of the backup.
+        backup_dir: That folder, relative to the project, where Godot does not look; a number is
+            added if it exists.
 
     Returns:
-        Where they are kept, relative to the project.
+        The folder, relative to the project.
 
     Raises:
         SetupError: The project cannot be written.
     """
-    kept = _free_folder(root, kept_path)
+    kept = _free_folder(root, backup_dir)
     try:
         kept.mkdir()
         (kept / ".gdignore").touch()
-        for file, text in stand_ins.items():
+        for file, text in replacements.items():
             _replace(root, file, text.replace("{kept}", kept.name), kept)
     except OSError as error:
         raise SetupError(

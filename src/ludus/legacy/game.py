@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from gymnasium import spaces
 
-__all__ = ["Declaration", "LegacyGame", "Outcome"]
+from ludus.errors import UsageError
+
+__all__ = ["Declaration", "LegacyGame", "Outcome", "check_reset_parameters"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +23,7 @@ class Declaration:
         observation_space: What one agent observes: a box, or a dictionary of boxes.
         action_space: What one agent does: discrete, multi-discrete, multi-binary, a bounded box.
         num_agents: Agents of the game, which all have these spaces. Their episodes begin together:
-            whoever ends first waits until all have ended.
+            an agent that ends early waits until all have ended.
         steps_per_second: Steps in one second of game time.
     """
 
@@ -49,39 +52,40 @@ class Outcome(NamedTuple):
     truncated: Sequence[bool]
 
 
-class LegacyGame(Protocol):
-    """One running game that speaks the wire of another bridge.
+class LegacyGame(ABC):
+    """One running game that speaks the wire of a legacy bridge.
 
-    :meth:`reset` comes first, then :meth:`send` and :meth:`receive` in turn, or a reset again; who
-    calls sees to that order. Every wait has a deadline. When a method raises, the caller closes
+    :meth:`reset` comes first, then :meth:`send` and :meth:`receive` in turn, or a reset again; the
+    caller sees to that order. Every wait has a deadline. When a method raises, the caller closes
     the game.
+
+    Args:
+        declaration: What the user has said of the game; never changes.
     """
 
-    @property
-    def declaration(self) -> Declaration:
-        """What the user has said of it; never changes."""
-        ...
+    methods: Mapping[str, Callable[..., Any]] = {}
+    """What ``Session.call`` reaches, by name; takes and returns plain JSON."""
 
-    @property
-    def methods(self) -> Mapping[str, Callable[..., Any]]:
-        """What ``Session.call`` reaches, by name; takes and returns plain JSON."""
-        ...
+    def __init__(self, declaration: Declaration) -> None:
+        self.declaration = declaration
 
+    @abstractmethod
     def reset(self, seed: int | None, parameters: Mapping[str, Any] | None) -> Sequence[Any]:
         """Begin an episode of all agents; return one first observation for each.
 
         Args:
-            seed: 0 … 2⁶⁴ - 1; None goes on with the random stream. A wire that knows no seeds
-                passes over it.
+            seed: 0 … 2⁶⁴ - 1; None goes on with the random stream. No legacy wire has seeds: it
+                has no effect.
             parameters: What the user gave for this and the following episodes; None changes
                 nothing.
 
         Raises:
-            UsageError: The wire knows no such parameters.
+            UsageError: The wire has no such parameters.
+            GameError: An observation does not fit its space.
             EngineError: The game failed.
         """
-        ...
 
+    @abstractmethod
     def send(self, actions: Sequence[Any]) -> None:
         """Begin a step, and return at once.
 
@@ -93,16 +97,29 @@ class LegacyGame(Protocol):
             ActionError: An action does not fit.
             EngineError: The game failed.
         """
-        ...
 
+    @abstractmethod
     def receive(self) -> Outcome:
         """Wait for the end of the step that :meth:`send` began.
 
         Raises:
+            GameError: An observation or a reward is not finite, or has another shape.
             EngineError: The game failed.
         """
-        ...
 
+    @abstractmethod
     def close(self) -> None:
         """End the conversation, and the game if it is ours; may be called twice."""
-        ...
+
+
+def check_reset_parameters(
+    parameters: Mapping[str, Any] | None, known: Sequence[str], hint: str
+) -> None:
+    """Refuse parameters of a reset that a bridge does not have.
+
+    Raises:
+        UsageError: There are some.
+    """
+    unknown = [key for key in parameters or {} if key not in known]
+    if unknown:
+        raise UsageError(f"unknown reset option {', '.join(map(repr, unknown))}", hint=hint)

@@ -1,92 +1,162 @@
-"""The command that starts a bridge's game, and that ends the game when this process is gone."""
+"""The process of a legacy game: started if that is asked for, watched, and ended with this one."""
 
 from __future__ import annotations
 
 import os
 import shlex
 import subprocess
+import time
+from dataclasses import dataclass
 from pathlib import Path
 
 from ludus.engine import (
+    EngineProcess,
     GodotFlags,
+    LaunchConfig,
     ensure_imported,
     godot_command,
     with_display,
 )
-from ludus.errors import TargetError
+from ludus.errors import GameError, TargetError
+from ludus.session.supervision import Supervision
 from ludus.target import Scene, parse_target
 
-__all__ = ["project_command", "shell_command"]
+__all__ = ["GameLaunch", "GameWatch"]
 
 # The game becomes the leader of its process group; the loop beside it ends the group. Its output
 # goes nowhere, or the game's would seem to go on when the game has ended.
-_LEASH = (
+_DIE_WITH_PARENT = (
     '(while kill -0 "$0" 2>/dev/null; do sleep 1; done; kill -TERM -$$) '
     '</dev/null >/dev/null 2>&1 & exec "$@"'
 )
+_SCRIPT_ERROR_S = 1.0
 
 
-def project_command(
-    target: str | Path, arguments: tuple[str, ...], frames_per_second: int, *, is_windowed: bool
-) -> tuple[str, ...]:
-    """Return the command that runs a project or a scene.
+@dataclass(frozen=True, kw_only=True)
+class GameLaunch:
+    """How a game is started; without ``target`` and ``command`` somebody else does that.
 
-    Args:
-        target: Folder of a Godot project, or a scene of one.
-        arguments: What the game itself is told.
-        frames_per_second: Frames in one second of game time.
-        is_windowed: Whether the game draws.
-
-    Raises:
-        TargetError: It is something else, or does not exist.
-        EngineNotFound: There is no engine to run it with.
+    Attributes:
+        target: Project or scene to start.
+        command: What the shell runs to start the game; it gets further arguments at its end.
+        frames_per_second: Frames in one second of game time, of a game that we start.
+        is_windowed: Whether a game that we start draws.
+        log_path: File that gets a copy of what a game that we start prints.
+        cores: Cores that a game which we start is pinned to; None: the system decides.
     """
-    scene = parse_target(target)
-    if not isinstance(scene, Scene):
-        raise TargetError(
-            f"{target} is no Godot project and no scene",
-            hint="name the folder of a project or a .tscn; a line for the shell starts anything "
-            "else, such as an exported game",
+
+    target: str | Path | None = None
+    command: str | None = None
+    frames_per_second: int = 60
+    is_windowed: bool = False
+    log_path: str | Path | None = None
+    cores: tuple[int, ...] | None = None
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether we start the game."""
+        return self.target is not None or self.command is not None
+
+    def start(self, arguments: tuple[str, ...]) -> GameWatch:
+        """Start the game, if it is ours; it ends with its watch, or with this process.
+
+        Args:
+            arguments: What the game itself is told, behind what the engine is told.
+
+        Raises:
+            TargetError: The target cannot be run.
+            EngineNotFound: There is no engine to run it with.
+            EngineStartError: It cannot be started.
+        """
+        if not self.is_ours:
+            return GameWatch(None)
+        log_path = None if self.log_path is None else Path(self.log_path)
+        command = self.command_line(arguments)
+        config = LaunchConfig(command=command, log_path=log_path, cores=self.cores)
+        return GameWatch(EngineProcess.start(config))
+
+    def command_line(self, arguments: tuple[str, ...]) -> tuple[str, ...]:
+        """Return the command that :meth:`start` runs; errors as there."""
+        if self.target is None:
+            return _end_with_us(self._shell_command(arguments))
+        scene = parse_target(self.target)
+        if not isinstance(scene, Scene):
+            raise TargetError(
+                f"{self.target} is neither a Godot project nor a scene",
+                hint="name the folder of a project or a .tscn; start anything else, such as an "
+                "exported game, with a shell command",
+            )
+        engine = scene.find_engine()
+        ensure_imported(engine, scene.project)
+        flags = GodotFlags(
+            headless=not self.is_windowed,
+            fixed_fps=self.frames_per_second,
+            user_args=arguments,
+            engine_args=self._drawing,
         )
-    engine = scene.find_engine()
-    ensure_imported(engine, scene.project)
-    flags = GodotFlags(
-        headless=not is_windowed,
-        fixed_fps=frames_per_second,
-        user_args=arguments,
-        engine_args=_drawing(is_windowed=is_windowed),
-    )
-    command = godot_command(engine, scene.project.root, scene.path, flags)
-    return _leashed(with_display(command) if is_windowed else command)
+        command = godot_command(engine, scene.project.root, scene.path, flags)
+        return _end_with_us(with_display(command) if self.is_windowed else command)
+
+    def _shell_command(self, arguments: tuple[str, ...]) -> tuple[str, ...]:
+        added = ("--fixed-fps", str(self.frames_per_second), *self._drawing, *arguments)
+        if os.name != "posix":
+            return ("cmd", "/s", "/c", f"{self.command} {subprocess.list2cmdline(added)}")
+        return ("/bin/sh", "-c", f"{self.command} {shlex.join(added)}")
+
+    @property
+    def _drawing(self) -> tuple[str, ...]:
+        return () if self.is_windowed else ("--disable-render-loop",)
 
 
-def shell_command(
-    line: str, arguments: tuple[str, ...], frames_per_second: int, *, is_windowed: bool
-) -> tuple[str, ...]:
-    """Return the command that has the shell run a line, with our arguments at its end.
+class GameWatch(Supervision):
+    """Watches the process of a game whose wire has no word for a mistake.
 
     Args:
-        line: For the shell of the system.
-        arguments: What the game itself is told, behind what the engine is told.
-        frames_per_second: Frames in one second of game time.
-        is_windowed: Whether the game draws.
+        process: The game; None if somebody else started it.
     """
-    fps = ("--fixed-fps", str(frames_per_second))
-    whole = (*fps, *_drawing(is_windowed=is_windowed), *arguments)
-    if os.name != "posix":
-        return ("cmd", "/s", "/c", f"{line} {subprocess.list2cmdline(whole)}")
-    return _leashed(("/bin/sh", "-c", f"{line} {shlex.join(whole)}"))
+
+    def __init__(self, process: EngineProcess | None) -> None:
+        super().__init__(process)
+        self._known_errors: set[str] = set()
+
+    def note_errors(self) -> None:
+        """Take the script errors so far for known; new ones explain a missing answer."""
+        if self._process is not None:
+            self._known_errors = set(self._process.script_errors)
+
+    def check_new_errors(self, began: float) -> None:
+        """Raise early if a script has failed since :meth:`note_errors`: no answer will come.
+
+        Args:
+            began: When waiting for the answer began, on the clock of ``time.monotonic``, seconds;
+                nothing is looked at in the first second.
+
+        Raises:
+            GameError: A script has failed; the text holds what the engine printed.
+        """
+        if self._process is None or time.monotonic() - began < _SCRIPT_ERROR_S:
+            return
+        if set(self._process.script_errors) - self._known_errors:
+            raise GameError(
+                f"a script of the game failed:{self.script_errors()}",
+                hint="the script and its line follow `at:`",
+            )
+
+    def report(self) -> str:
+        """Return what became of the game, to add to a message; nothing if it is not ours."""
+        return "" if self._process is None else f": {self._process.describe_death()}"
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait for the end of the game, if it is ours."""
+        if self._process is not None:
+            self._process.wait(timeout_s)
 
 
-def _drawing(*, is_windowed: bool) -> tuple[str, ...]:
-    return () if is_windowed else ("--disable-render-loop",)
-
-
-def _leashed(command: tuple[str, ...]) -> tuple[str, ...]:
+def _end_with_us(command: tuple[str, ...]) -> tuple[str, ...]:
     """Let a game that does not know us end when this process is gone, however that came.
 
     Games of legacy bridges wait for the next client for ever.
     """
     if os.name != "posix":
         return command
-    return ("/bin/sh", "-c", _LEASH, str(os.getpid()), *command)
+    return ("/bin/sh", "-c", _DIE_WITH_PARENT, str(os.getpid()), *command)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 from ludus.errors import ConfigError
+from ludus.legacy.addresses import GameAddress
 from ludus.legacy.game import LegacyGame
 from ludus.legacy.session import LegacySession
 
@@ -24,22 +23,8 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, kw_only=True)
-class GameAddress:
-    """Which game of a bridge to open, and where it stands among others.
-
-    Attributes:
-        address: What stands behind the prefix of the target.
-        num_games: How many are opened in all.
-        cores: Cores that a game which we start is pinned to; None: the system decides.
-        log_path: File for what a game that we start prints.
-    """
-
-    address: str
-    num_games: int = 1
-    cores: tuple[int, ...] | None = None
-    log_path: Path | None = None
-
+_NOT_OF_USERS = {"target", "log_path", "cores"}
+"""Settings that follow from the target and the pool."""
 
 GamePlace = GameAddress
 """The name of earlier versions."""
@@ -51,8 +36,8 @@ class Bridge:
 
     Attributes:
         prefix: How its targets begin.
-        module: Home of ``open_game(place, *, …)``, which opens one game. Its keyword-only
-            parameters are the settings that the user has.
+        module: Home of ``Settings``, a dataclass of what the user can set, and of
+            ``open_game(address, settings)``, which opens one game.
         form: What a target looks like.
         page: Where our documentation of it is.
     """
@@ -62,24 +47,25 @@ class Bridge:
     form: str
     page: str
 
-    def opener(self) -> Callable[..., LegacyGame]:
-        """Import what opens one game, which may need packages that not everybody has."""
-        return import_module(self.module).open_game
+    @property
+    def code(self) -> Any:
+        """The module, which may need packages that not everybody has."""
+        return import_module(self.module)
 
     def place_of(self, target: str) -> str:
-        """Return what stands behind the prefix."""
+        """Return what follows the prefix."""
         return target.removeprefix(self.prefix)
 
 
 BRIDGES = (
     Bridge(
         "godot_gym_api:",
-        "ludus.legacy.godot_gym_api.opening",
+        "ludus.legacy.godot_gym_api.making",
         "godot_gym_api:PATH",
         "docs/godot_gym_api.md",
     ),
-    Bridge("gymgodot:", "ludus.legacy.gymgodot.opening", "gymgodot:PATH", "docs/gymgodot.md"),
-    Bridge("http://", "ludus.legacy.bevy_rl.opening", "http://HOST:PORT", "docs/bevy_rl.md"),
+    Bridge("gymgodot:", "ludus.legacy.gymgodot.making", "gymgodot:PATH", "docs/gymgodot.md"),
+    Bridge("http://", "ludus.legacy.bevy_rl.making", "http://HOST:PORT", "docs/bevy_rl.md"),
 )
 
 
@@ -94,18 +80,17 @@ def check_settings(bridge: Bridge, settings: Mapping[str, Any]) -> None:
     Raises:
         ConfigError: It does not, or has not.
     """
-    parameters = inspect.signature(bridge.opener()).parameters.values()
-    known = {part.name: part for part in parameters if part.kind is part.KEYWORD_ONLY}
+    parts = fields(bridge.code.Settings)
+    known = [part.name for part in parts if part.name not in _NOT_OF_USERS]
     unknown = [name for name in settings if name not in known]
     if unknown:
         raise ConfigError(
             f"{bridge.form} has no setting {', '.join(unknown)}", hint=f"it has {', '.join(known)}"
         )
-    needed = [name for name, part in known.items() if part.default is part.empty]
-    missing = [name for name in needed if name not in settings]
+    missing = [part.name for part in parts if part.default is MISSING and part.name not in settings]
     if missing:
         raise ConfigError(
-            f"{', '.join(missing)} must be given: games of this bridge do not tell",
+            f"{', '.join(missing)} must be given: games of this bridge do not report it",
             hint=f"in Python ludus.make({bridge.form!r}, {missing[0]}=…); a command cannot know "
             f"it: give the game an id and use gym:MODULE:ID, as {bridge.page} shows",
         )
@@ -113,7 +98,7 @@ def check_settings(bridge: Bridge, settings: Mapping[str, Any]) -> None:
 
 def open_bridge_session(
     bridge: Bridge,
-    place: GameAddress,
+    address: GameAddress,
     settings: Mapping[str, Any],
     max_episode_steps: int | None = None,
 ) -> LegacySession:
@@ -126,4 +111,6 @@ def open_bridge_session(
         EngineError: The game did not start, or never connected.
     """
     check_settings(bridge, settings)
-    return LegacySession(bridge.opener()(place, **settings), max_episode_steps)
+    code = bridge.code
+    game: LegacyGame = code.open_game(address, code.Settings(**settings))
+    return LegacySession(game, max_episode_steps)

@@ -11,9 +11,9 @@ from typing import Any
 from ludus.errors import GameError, SequenceError, UsageError
 from ludus.legacy.game import LegacyGame
 from ludus.legacy.world import POLICY, LegacyWorld, read_declaration
-from ludus.session.finite import check_finite
 from ludus.spec import PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batches, StepTimes
+from ludus.spec.finite import check_finite
 from ludus.wire.reset import ResetAction, ResetRequest
 
 __all__ = ["LegacySession"]
@@ -22,8 +22,8 @@ __all__ = ["LegacySession"]
 class LegacySession:
     """One game as a :class:`~ludus.session.Session`: one world, one policy, ``agent``.
 
-    The episode of a world ends when those of all its agents have; it begins anew in the same step.
-    A game that fails is closed.
+    The episode of a world ends when those of all its agents have; the next one begins in the same
+    step. A game that fails is closed.
 
     Args:
         game: Closed with the session, and also if the session cannot be made.
@@ -47,7 +47,7 @@ class LegacySession:
         self._policies: dict[str, PolicySpec] = {POLICY: policy}
         self._has_reset = self._is_in_flight = False
         self._num_steps = self._num_steps_in_all = 0
-        self._ending = _Ending(game)
+        self._close_on_error = _CloseOnError(game)
         self._sent_ns = self._answered_ns = time.perf_counter_ns()
         self._wait_ns = 0
         self._times = StepTimes(0, 0, 0, 0)
@@ -80,7 +80,7 @@ class LegacySession:
         action, given = ResetAction(int(request.actions[0])), _parameters(request)
         if action is ResetAction.LEAVE and not self._has_reset:
             raise SequenceError("the world was left alone before its first reset")
-        with self._ending:
+        with self._close_on_error:
             self._world.clear_outcome()
             if action is not ResetAction.LEAVE:
                 self._begin(int(request.seeds[0]) if action is ResetAction.SEED else None, given)
@@ -104,7 +104,7 @@ class LegacySession:
         own = self._world.actions(actions)
         self._sent_ns = time.perf_counter_ns()
         self._wait_ns = self._sent_ns - self._answered_ns
-        with self._ending:
+        with self._close_on_error:
             self._game.send(own)
         self._is_in_flight = True
 
@@ -119,7 +119,7 @@ class LegacySession:
         if not self._is_in_flight:
             raise SequenceError("nothing to receive", hint="call reset() or send() first")
         self._is_in_flight = False
-        with self._ending:
+        with self._close_on_error:
             outcome = self._game.receive()
             answered_ns = time.perf_counter_ns()
             engine_ns = answered_ns - self._sent_ns
@@ -154,7 +154,7 @@ class LegacySession:
             inspect.signature(found).bind(*arguments)
         except TypeError as error:
             raise UsageError(f"the arguments of {method} do not fit: {error}") from error
-        with self._ending:
+        with self._close_on_error:
             return found(*arguments)
 
     @property
@@ -171,7 +171,7 @@ class LegacySession:
 
     def close(self) -> None:
         """End the conversation, and the game if it is ours; may be called twice."""
-        self._ending.close()
+        self._close_on_error.close()
 
     def _begin(self, seed: int | None, parameters: Mapping[str, Any] | None) -> int:
         """Begin an episode; return how long the game took, nanoseconds."""
@@ -182,7 +182,7 @@ class LegacySession:
         return taken_ns
 
     def _check_turn(self, what: str) -> None:
-        if self._ending.is_closed:
+        if self._close_on_error.is_closed:
             raise SequenceError(
                 f"{what} after the end of the session", hint="make a new environment"
             )
@@ -190,8 +190,8 @@ class LegacySession:
             raise SequenceError(f"{what} during a step", hint="receive its answer first")
 
 
-class _Ending:
-    """Closes what cannot go on: whoever is interrupted between request and answer, for one.
+class _CloseOnError:
+    """Closes the game on an error, since the two sides may be out of step then.
 
     It does not know its session, which is collected as soon as nobody holds it.
     """

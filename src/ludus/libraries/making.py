@@ -109,7 +109,7 @@ def _open(
 
 
 def _split_for_bridge(settings: dict[str, Any]) -> dict[str, Any]:
-    """Put what is no setting of the pool into ``bridge``, which checks it."""
+    """Move settings that the pool does not have into ``bridge``, which checks them."""
     of_pool = PoolConfig.__dataclass_fields__
     own = {name: value for name, value in settings.items() if name not in of_pool}
     rest = {name: value for name, value in settings.items() if name in of_pool}

@@ -25,11 +25,11 @@ _OPTIONS = {"parameters", "reset_mask"}
 class LudusVectorEnv(VectorEnv[Any, Any, Any]):
     """Engines × worlds × agents of one policy as parallel environments.
 
-    Environments are numbered engine by engine, world by world, agent by agent. Episodes begin anew
-    in the same step in which they end (``AutoresetMode.SAME_STEP``): the step returns reward and
-    ``terminated``/``truncated`` of the old episode with the first observation of the next one, and
-    the last observation of the old one stands in ``infos["final_obs"]`` (an object array, with
-    ``infos["_final_obs"]`` saying where). In worlds whose agents come and go,
+    Environments are numbered engine by engine, world by world, agent by agent. A new
+    episode begins in the same step in which the old one ends (``AutoresetMode.SAME_STEP``): the
+    step returns the reward and ``terminated``/``truncated`` of the old episode with the first
+    observation of the new one; the last observation of the old one is in ``infos["final_obs"]``
+    (an object array, with ``infos["_final_obs"]`` saying where). Where agents come and go,
     ``infos["active"]`` says which environments act; the others observe zeros. With action masks,
     ``infos["action_mask"]`` is ``bool[num_envs, sum(nvec)]``.
 
@@ -73,7 +73,7 @@ class LudusVectorEnv(VectorEnv[Any, Any, Any]):
                 world decides for it); None goes on with the worlds' random streams.
             options: ``"parameters"``: what the game reads from ``LudusWorld.parameters``, for every
                 world or a list with one mapping or None per world; ``"reset_mask"``:
-                ``bool[num_envs]``, only the worlds of these environments begin anew.
+                ``bool[num_envs]``; only the worlds of these environments are reset.
 
         Returns:
             Observations of all environments, and infos.

@@ -1,5 +1,14 @@
 """Sockets with deadlines."""
 
-from ludus.link.sockets import Link, LinkClosed, Listener, connect
+from ludus.link.byte_stream import ByteStream, connect_until
+from ludus.link.sockets import Link, LinkClosed, Listener, connect, listen_tcp
 
-__all__ = ["Link", "LinkClosed", "Listener", "connect"]
+__all__ = [
+    "ByteStream",
+    "Link",
+    "LinkClosed",
+    "Listener",
+    "connect",
+    "connect_until",
+    "listen_tcp",
+]

@@ -16,7 +16,7 @@ from ludus.errors import EngineTimeout, ProtocolError
 from ludus.link.busy_poller import BusyPoller
 from ludus.wire.frames import HEADER_BYTES, FrameType, decode_header
 
-__all__ = ["Link", "LinkClosed", "Listener", "connect"]
+__all__ = ["Link", "LinkClosed", "Listener", "connect", "listen_tcp"]
 
 _POLL_INTERVAL_S = 0.05
 
@@ -179,22 +179,19 @@ class Listener:
         path = self._folder / "engine"
         listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         listener.bind(os.fspath(path))
+        listener.listen(1)
         self._add(listener, f"unix:{path}")
 
     def _listen_tcp(self, address: tuple[str, int]) -> None:
-        listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            listener.bind(address)
+            listener = listen_tcp(address, 1)
         except OSError:
-            listener.close()
             self.close()
             raise
         host, port = listener.getsockname()
         self._add(listener, f"tcp:{host}:{port}")
 
     def _add(self, listener: socket.socket, address: str) -> None:
-        listener.listen(1)
         listener.setblocking(False)
         self._sockets.append(listener)
         self.addresses.append(address)
@@ -238,3 +235,22 @@ def connect(address: tuple[str, int], timeout_s: float) -> Link:
         OSError: Nothing listens there, or it did not answer in time.
     """
     return Link(socket.create_connection(address, timeout_s), timeout_s)
+
+
+def listen_tcp(address: tuple[str, int], backlog: int = 16) -> socket.socket:
+    """Listen at an address; port 0 takes a free one.
+
+    Raises:
+        OSError: Somebody listens there already, or the address is not of this machine.
+        OverflowError: That is no port.
+    """
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        if os.name == "posix":  # elsewhere it would let two servers share a port
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(address)
+        listener.listen(backlog)
+    except BaseException:
+        listener.close()
+        raise
+    return listener

@@ -10,7 +10,9 @@ bookkeeping per layer would cost as much as a small layer itself.
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, cast
 
 import torch
@@ -34,15 +36,15 @@ NAMES: dict[type[nn.Module], str] = {nn.ReLU: "relu", nn.Tanh: "tanh"}
 def accelerate(network: nn.Sequential) -> Network:
     """Return ``network``, or the same function of the same parameters made faster.
 
-    That is so on the CPU in float32 for large linear layers with ReLU or tanh between them, where
-    PyTorch was built with oneDNN.
+    That is so on AMD processors in float32 for large linear layers with ReLU or tanh between them,
+    where PyTorch was built with oneDNN.
     """
     linears, activations = list(network)[::2], list(network)[1::2]
     is_known = all(isinstance(layer, nn.Linear) for layer in linears)
     kinds = {type(layer) for layer in activations}
     on_cpu = all(parameter.device.type == "cpu" for parameter in network.parameters())
     is_large = max(parameter.numel() for parameter in network.parameters()) >= MIN_WEIGHTS
-    can_do = is_known and on_cpu and len(kinds) == 1 and kinds <= NAMES.keys() and has_onednn()
+    can_do = is_known and on_cpu and len(kinds) == 1 and kinds <= NAMES.keys() and is_worthwhile()
     if not (can_do and is_large):
         return network
     name = NAMES[kinds.pop()]
@@ -51,6 +53,17 @@ def accelerate(network: nn.Sequential) -> Network:
 
 
 @functools.cache
+def is_worthwhile() -> bool:
+    """Return whether oneDNN can be used, and is faster here than MKL.
+
+    On Intel processors it is not: a gradient step of SAC took 13.5 ms with it and 12.2 ms without.
+    """
+    cpuinfo = Path("/proc/cpuinfo")  # Linux has the vendor there, Windows in the environment
+    text = cpuinfo.read_text(encoding="utf-8") if cpuinfo.exists() else ""
+    text += os.environ.get("PROCESSOR_IDENTIFIER", "")
+    return "AuthenticAMD" in text and has_onednn()
+
+
 def has_onednn() -> bool:
     """Return whether PyTorch has oneDNN, and its inner function still does what it does today."""
     if not torch.backends.mkldnn.is_available():

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from ludus.model.policy_model import image_shape, is_image
 from ludus.networks.normalise import RunningNormaliser
 from ludus.spec import ObservationEntry
 
@@ -73,7 +74,8 @@ class ObservationEncoder(nn.Module):
         self._image_names = [entry.name for entry in images]
         self._vector_names = [entry.name for entry in vectors]
         self.vector_size = sum(entry.size for entry in vectors)
-        self.image_shapes = [_image_shape(entry.shape) for entry in images]
+        shapes = map(image_shape, images)
+        self.image_shapes = [(height, width, channels) for channels, height, width in shapes]
         self.normaliser = RunningNormaliser(self.vector_size) if normalise else None
 
     def forward(self, observation: Mapping[str, Tensor]) -> Inputs:
@@ -158,15 +160,6 @@ def initialise(layer: Layer, gain: float) -> Layer:
     if layer.bias is not None:
         nn.init.zeros_(layer.bias)
     return layer
-
-
-def is_image(entry: ObservationEntry) -> bool:
-    """Return whether convolutions look at this entry."""
-    return entry.dtype == "uint8" and len(entry.shape) >= 3
-
-
-def _image_shape(shape: tuple[int, ...]) -> tuple[int, int, int]:
-    return shape[-3], shape[-2], shape[-1] * math.prod(shape[:-3])
 
 
 def _channels_together(image: Tensor, shape: tuple[int, int, int]) -> Tensor:

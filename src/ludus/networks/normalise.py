@@ -98,5 +98,5 @@ class RewardScaler(nn.Module):
         return (reward / deviation.to(reward.dtype)).clamp_(-LIMIT, LIMIT)
 
     def forget(self) -> None:
-        """Begin all episodes anew."""
+        """Forget the returns of all running episodes."""
         self.running_return.zero_()

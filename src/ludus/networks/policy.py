@@ -130,7 +130,7 @@ class Player:
         return self._state[chosen] * keep
 
     def forget(self, rows: NDArray[np.int64] | None = None) -> None:
-        """Forget what the slots ``rows`` remember, or all, as their episodes begin anew."""
+        """Clear the memory of the slots ``rows``, or of all, whose episodes have ended."""
         self._was_active[slice(None) if rows is None else rows] = False
 
 

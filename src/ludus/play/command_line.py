@@ -6,17 +6,17 @@ import os
 from dataclasses import replace
 
 from ludus.engine import (
+    RUN_SCENE,
     GodotFlags,
     ensure_imported,
     executable_command,
     godot_command,
+    require_addon,
 )
 from ludus.errors import TargetError
 from ludus.target import Executable, Scene, Target, prepare
 
 __all__ = ["play_command"]
-
-RUN_SCENE = "res://addons/ludus/run.tscn"
 
 
 def play_command(target: Target, flags: GodotFlags) -> tuple[str, ...]:
@@ -41,8 +41,7 @@ def play_command(target: Target, flags: GodotFlags) -> tuple[str, ...]:
             hint="name a project, a scene or an exported game",
         )
     root = game.project.root
-    if not (root / "addons/ludus/run.tscn").is_file():
-        raise TargetError(f"{root} has no Ludus add-on", hint=f"run `ludus addon install {root}`")
+    require_addon(game.project)
     engine = game.find_engine()
     ensure_imported(engine, game.project)
     own = (f"--ludus-play={game.path}", f"--ludus-parent={os.getpid()}")

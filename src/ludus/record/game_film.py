@@ -62,7 +62,7 @@ def film_played(scene: Scene, config: PoolConfig, player: MakePlayer, shot: Shot
         SetupError: There is no screen, or nothing to draw with.
     """
     engine = _engine_of(scene)
-    with _camera(shot) as camera, _explained(engine):
+    with _camera(shot) as camera, _hint_at_renderer(engine):
         launch = LaunchOptions(is_windowed=True, engine_args=_engine_args(engine, shot))
         settings = replace(config, is_pinned=False, launch=launch)
         with open_pool(scene, settings) as pool:
@@ -89,7 +89,7 @@ def film_alone(scene: Scene, shot: Shot) -> None:
     command = godot_command(engine, scene.project.root, scene.path, flags)
     with (
         _camera(shot) as camera,
-        _explained(engine),
+        _hint_at_renderer(engine),
         EngineProcess.start(LaunchConfig(command=command)) as process,
     ):
         camera.connect(CONNECT_S, lambda: _check_alive(process))
@@ -116,8 +116,8 @@ def _camera(shot: Shot) -> Generator[Camera]:
 
 
 @contextmanager
-def _explained(engine: InstalledEngine) -> Generator[None]:
-    """Say what is missing where the game could not draw."""
+def _hint_at_renderer(engine: InstalledEngine) -> Generator[None]:
+    """Say how to install a renderer, where the game could not draw."""
     try:
         yield
     except EngineError as error:

@@ -15,8 +15,15 @@ from ludus.pool import PoolConfig, open_pool
 from ludus.record.film import Film, check_out
 from ludus.record.film_kinds import choose_rate
 from ludus.record.shot import Shot
-from ludus.runs.run_folder import RunFolder
-from ludus.target import Executable, Gymnasium, Scene, check_accepted, parse_target, prepare
+from ludus.target import (
+    Executable,
+    Gymnasium,
+    Scene,
+    check_accepted,
+    find_run,
+    parse_target,
+    prepare,
+)
 
 __all__ = ["RecordConfig", "Recorded", "record"]
 
@@ -124,11 +131,11 @@ def record(config: RecordConfig) -> Recorded:
 def _with_run(config: RecordConfig) -> RecordConfig:
     """Take from a run what it was trained with."""
     target = Path(config.target)
-    if is_run := RunFolder.look_up(target) is not None:
+    if is_run := find_run(target) is not None:
         run = target
         if not config.policy and not config.is_random:
             config = replace(config, policy=(target,))
-    elif len(config.policy) == 1 and RunFolder.look_up(config.policy[0]) is not None:
+    elif len(config.policy) == 1 and find_run(config.policy[0]) is not None:
         run = config.policy[0]
     else:
         return config

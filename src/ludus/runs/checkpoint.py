@@ -32,6 +32,7 @@ from torch import Tensor
 from ludus.algorithms.learner import LearnerState
 from ludus.disk import disk_errors, sync_folder, write_synced
 from ludus.errors import CheckpointError
+from ludus.networks.tensors import join_names, with_prefix
 from ludus.spec import PolicySpec
 
 __all__ = ["Checkpoint", "CheckpointStore", "check_spec", "read_checkpoint", "write_checkpoint"]
@@ -77,8 +78,8 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     """
     parts = {name: learner.tensors for name, learner in checkpoint.learners.items()}
     replays = {name: learner.replay for name, learner in checkpoint.learners.items()}
-    data = save_safetensors(_joined({**parts, LEAGUE: checkpoint.league}))
-    replay = save_safetensors(_joined(replays)) if any(replays.values()) else None
+    data = _pack({**parts, LEAGUE: checkpoint.league})
+    replay = _pack(replays) if any(replays.values()) else None
     state = {
         "format": FORMAT,
         "tensors_sha256": hashlib.sha256(data).hexdigest(),
@@ -123,10 +124,12 @@ def read_checkpoint(path: Path, *, has_replay: bool = False) -> Checkpoint:
         if (path / REPLAY).exists():
             replay = _read_tensors(path, REPLAY, state["replay_sha256"])
         else:
-            log.warning("%s has no replay any more; it begins empty", path)
+            log.warning("%s no longer has its replay buffer, which starts empty", path)
     try:
         learners = {
-            name: LearnerState(_of_policy(tensors, name), values, _of_policy(replay, name))
+            name: LearnerState(
+                with_prefix(tensors, f"{name}/"), values, with_prefix(replay, f"{name}/")
+            )
             for name, values in state["learners"].items()
         }
         return Checkpoint(
@@ -137,18 +140,15 @@ def read_checkpoint(path: Path, *, has_replay: bool = False) -> Checkpoint:
             fingerprints=state["fingerprints"],
             config=state["config"],
             run=state["run"],
-            league=_of_policy(tensors, LEAGUE),
+            league=with_prefix(tensors, f"{LEAGUE}/"),
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise _corrupt(path, f"{type(error).__name__}: {error}") from None
 
 
-def _joined(parts: Mapping[str, Mapping[str, Tensor]]) -> dict[str, Tensor]:
-    return {
-        f"{part}/{name}": tensor.contiguous()
-        for part, tensors in parts.items()
-        for name, tensor in tensors.items()
-    }
+def _pack(parts: Mapping[str, Mapping[str, Tensor]]) -> bytes:
+    tensors = join_names(parts, "/")
+    return save_safetensors({name: tensor.contiguous() for name, tensor in tensors.items()})
 
 
 def _read_tensors(path: Path, name: str, sha256: object) -> dict[str, Tensor]:
@@ -157,7 +157,7 @@ def _read_tensors(path: Path, name: str, sha256: object) -> dict[str, Tensor]:
     except OSError as error:
         raise _corrupt(path, f"{name}: {error.strerror}") from None
     if hashlib.sha256(data).hexdigest() != sha256:
-        raise _corrupt(path, f"{name} is not what was saved")
+        raise _corrupt(path, f"{name} has changed since it was saved")
     try:
         return load_safetensors(data)
     except (ValueError, SafetensorError) as error:
@@ -314,14 +314,8 @@ def _read_state(path: Path) -> dict[str, Any]:
     return values
 
 
-def _of_policy(tensors: dict[str, Any], policy: str) -> dict[str, Any]:
-    prefix = f"{policy}/"
-    own = {name: value for name, value in tensors.items() if name.startswith(prefix)}
-    return {name.removeprefix(prefix): value for name, value in own.items()}
-
-
 def _corrupt(path: Path, reason: str) -> CheckpointError:
     return CheckpointError(
         f"the checkpoint {path} is corrupt: {reason}",
-        "remove that folder; resuming takes the newest one that can be loaded",
+        "delete that folder; resuming uses the newest checkpoint that can be loaded",
     )

@@ -1,4 +1,4 @@
-"""What a running run is asked to do: by the game, or by files in its folder ``control``.
+"""Requests to a running run: from the game, or as files in its folder ``control``.
 
 A request is a JSON object, the same in both ways (PROTOCOL.md §8)::
 
@@ -6,14 +6,14 @@ A request is a JSON object, the same in both ways (PROTOCOL.md §8)::
     {"kind": "save"}
     {"kind": "stop"}
 
-and of a game that guides its training, which ``ludus serve`` obeys::
+and, from a game that guides its training with ``ludus serve``::
 
     {"kind": "start"}
     {"kind": "play_round"}
     {"kind": "write_policies"}
 
-A file holds one request; it is written under another name and renamed, read in the order of names,
-and removed when it has been read.
+A file holds one request. It is written under another name and renamed; the trainer reads files in
+the order of their names and removes them.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 from ludus.disk import disk_errors, write_atomically
 from ludus.errors import UsageError
@@ -41,67 +41,64 @@ MODES: tuple[Mode, ...] = typing.get_args(Mode)
 log = logging.getLogger(__name__)
 
 
+class _Kind:
+    """A request; its fields are the other keys of the JSON object."""
+
+    kind: ClassVar[str]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the request as JSON values."""
+        return {"kind": self.kind, **vars(self)}
+
+
 @dataclass(frozen=True)
-class SetMode:
+class SetMode(_Kind):
     """Let a policy learn, act frozen, or act deterministically."""
 
+    kind = "set_mode"
     policy: str
     mode: Mode
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the request as JSON values."""
-        return {"kind": "set_mode", "policy": self.policy, "mode": self.mode}
-
 
 @dataclass(frozen=True)
-class SaveRequest:
+class SaveRequest(_Kind):
     """Write a checkpoint now."""
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the request as JSON values."""
-        return {"kind": "save"}
+    kind = "save"
 
 
 @dataclass(frozen=True)
-class StopRequest:
+class StopRequest(_Kind):
     """End training, with a checkpoint."""
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the request as JSON values."""
-        return {"kind": "stop"}
+    kind = "stop"
 
 
 @dataclass(frozen=True)
-class StartRequest:
+class StartRequest(_Kind):
     """Train until told to stop."""
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the request as JSON values."""
-        return {"kind": "start"}
+    kind = "start"
 
 
 @dataclass(frozen=True)
-class PlayRound:
+class PlayRound(_Kind):
     """Play one episode in every world with the most probable actions; nothing learns."""
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the request as JSON values."""
-        return {"kind": "play_round"}
+    kind = "play_round"
 
 
 @dataclass(frozen=True)
-class WritePolicies:
+class WritePolicies(_Kind):
     """Write every policy as a file for the game."""
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the request as JSON values."""
-        return {"kind": "write_policies"}
+    kind = "write_policies"
 
 
 Request = SetMode | SaveRequest | StopRequest | StartRequest | PlayRound | WritePolicies
 
 _SIMPLE: dict[str, Request] = {
-    str(request.to_json()["kind"]): request
+    request.kind: request
     for request in (SaveRequest(), StopRequest(), StartRequest(), PlayRound(), WritePolicies())
 }
 
@@ -110,7 +107,7 @@ def parse_request(values: Mapping[str, Any], policies: Iterable[str]) -> Request
     """Return what ``values`` ask for.
 
     Raises:
-        UsageError: That is nothing we know, or there is no such policy.
+        UsageError: The request is unknown, or there is no such policy.
     """
     known = list(policies)
     match values:
@@ -123,12 +120,12 @@ def parse_request(values: Mapping[str, Any], policies: Iterable[str]) -> Request
             pass
     text = json.dumps(values, default=str)[:200]
     raise UsageError(
-        f"request left out: {text}", f"policies: {', '.join(known)}; modes: {', '.join(MODES)}"
+        f"unknown request: {text}", f"policies: {', '.join(known)}; modes: {', '.join(MODES)}"
     )
 
 
 def read_request(values: Mapping[str, Any], policies: Iterable[str]) -> Request | None:
-    """Return what ``values`` ask for; None, with a warning, if that is nothing we know."""
+    """Return what ``values`` ask for; None, with a warning, if the request is unknown."""
     try:
         return parse_request(values, policies)
     except UsageError as error:
@@ -162,7 +159,7 @@ def take_requests(folder: Path) -> list[Mapping[str, Any]]:
         try:
             values: Any = json.loads(path.read_bytes()[:MAX_BYTES])
         except (OSError, ValueError) as error:
-            log.warning("request %s left out: %s", path, error)
+            log.warning("ignoring the request %s: %s", path, error)
             values = None
         if isinstance(values, dict):
             found.append(cast(dict[str, Any], values))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -50,7 +51,7 @@ def draw_learning_curve(metrics: Path, picture: Path, title: str) -> bool:
 
     figure: Any = Figure(figsize=(8, 4.5), dpi=150, layout="constrained")
     axes = figure.subplots()
-    colours = dict(zip(curves, _cycle(len(curves)), strict=True))
+    colours = dict(zip(curves, itertools.cycle(COLOURS), strict=False))
     for name, points in curves.items():
         _draw_policy(axes, colours[name], points)
     _label_ends(axes, curves, colours)
@@ -165,7 +166,3 @@ def _short_number(value: float, _: int | None = None) -> str:
         if value >= size:
             return f"{value / size:g}{letter}"
     return f"{value:g}"
-
-
-def _cycle(count: int) -> list[str]:
-    return [COLOURS[index % len(COLOURS)] for index in range(count)]

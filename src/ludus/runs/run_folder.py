@@ -1,4 +1,4 @@
-"""What a run leaves behind, and where.
+"""The folder of a run and the files in it.
 
 ::
 
@@ -74,18 +74,10 @@ class RunFolder:
                     if config.name:
                         raise RunError(
                             f"the run {path} exists already",
-                            f"ludus train --resume {path} goes on with it",
+                            f"to continue it: ludus train --resume {path}",
                         ) from None
                 attempt += 1
                 path = config.runs / f"{stem}-{attempt}"
-
-    @classmethod
-    def look_up(cls, path: Path) -> RunFolder | None:
-        """Return the run that ``path`` is, or is a checkpoint of; None if it is neither."""
-        from ludus.target import find_run  # slow, and a listing of runs does not need it
-
-        run = find_run(path)
-        return None if run is None else cls(run.folder)
 
     @classmethod
     def find(cls, path: Path) -> RunFolder:
@@ -94,13 +86,15 @@ class RunFolder:
         Raises:
             CheckpointError: There is no run.
         """
-        folder = cls.look_up(path)
-        if folder is None:
+        from ludus.target import find_run  # slow, and a listing of runs does not need it
+
+        run = find_run(path)
+        if run is None:
             raise CheckpointError(
                 f"{path} is not a run: it has no config.json",
                 "name a folder that ludus train made, such as runs/cartpole-…",
             )
-        return folder
+        return cls(run.folder)
 
     @property
     def metrics(self) -> Path:
@@ -143,7 +137,7 @@ class RunFolder:
         except LockHeld:
             raise RunError(
                 f"the run {self.path} is being trained by another process",
-                f"ludus control {self.path} --stop ends that one",
+                f"to stop that one: ludus control {self.path} --stop",
             ) from None
 
     def is_running(self) -> bool:
@@ -198,7 +192,7 @@ class RunFolder:
             self.result.unlink(missing_ok=True)
 
     def discard_if_unused(self, but: Path | None = None) -> None:
-        """Remove the folder if nothing has been written into it, ``but`` in that folder of it."""
+        """Remove the folder if nothing has been written into it, except in its folder ``but``."""
         files = (path for path in self.path.rglob("*") if path.is_file() and path.name != LOCK)
         if all(but is not None and path.is_relative_to(but) for path in files):
             shutil.rmtree(self.path, ignore_errors=True)

@@ -8,12 +8,12 @@ import typing
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, BinaryIO, Literal, cast
 
-from ludus.runs.metrics_sample import sample_metrics
 from ludus.runs.run_folder import RunFolder
 
-__all__ = ["PolicySummary", "RunState", "RunSummary", "StopReason", "list_runs", "running_runs"]
+__all__ = ["PolicySummary", "RunState", "RunSummary", "StopReason", "list_runs", "running_runs",
+           "sample_metrics"]  # fmt: skip
 
 StopReason = Literal["total_steps", "max_time", "target_return", "stopped", "interrupted"]
 """Why training ended; ``stopped`` by the game or ``ludus control``, ``interrupted`` by a signal."""
@@ -24,7 +24,9 @@ RunState = Literal["running", "finished", "stopped", "interrupted", "diverged", 
 ended without saying how."""
 
 CURVE_POINTS = 48
-MAX_BYTES = 1 << 20
+MAX_BYTES = MAX_LINE_BYTES = 1 << 20
+TAIL_BYTES = 1 << 18
+"""Files of metrics up to this size are read as a whole."""
 REASONS: tuple[str, ...] = typing.get_args(StopReason)
 
 
@@ -113,16 +115,11 @@ def _summary(path: Path) -> RunSummary | None:
         agent_steps=int(_number(last, "agent_steps") or 0),
         updates=int(_number(last, "updates") or 0),
         wall_s=_number(last, "wall_s") or 0.0,
-        policies=_policies(config, lines, result),
+        policies={
+            name: _policy(lines, name, _number(_object(result, "evaluation"), name))
+            for name in _object(config, "policies")
+        },
     )
-
-
-def _policies(
-    config: Mapping[str, Any], lines: Sequence[Mapping[str, Any]], result: Mapping[str, Any]
-) -> dict[str, PolicySummary]:
-    names = _object(config, "policies")
-    evaluation = _object(result, "evaluation")
-    return {name: _policy(lines, name, _number(evaluation, name)) for name in names}
 
 
 def _policy(
@@ -178,3 +175,63 @@ def _number(values: Mapping[str, Any], name: str) -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         return None
     return float(value)
+
+
+# --- a few lines out of a metrics.jsonl, however long it is ------------------------------------
+
+
+def sample_metrics(path: Path, count: int) -> list[dict[str, Any]]:
+    """Return at most ``count`` lines, evenly spaced over the file, and the last one besides.
+
+    A run of days writes hundreds of megabytes; a curve of a few dozen points needs as many lines.
+    Other lines than metrics of an update are left out, such as those cut short by a kill.
+    """
+    try:
+        with path.open("rb") as file:
+            size = file.seek(0, 2)
+            file.seek(max(0, size - TAIL_BYTES))
+            tail = file.read(TAIL_BYTES).splitlines()
+            if size > TAIL_BYTES:
+                found = _sample_long(file, size, count)
+            else:
+                lines = [line for text in tail if (line := _parse_line(text))]
+                chosen = {len(lines) * index // count for index in range(count)}
+                found = [lines[index] for index in sorted(chosen)] if lines else []
+    except OSError:
+        return []
+    last = next((line for text in reversed(tail) if (line := _parse_line(text))), None)
+    if last is not None and (not found or found[-1]["agent_steps"] < last["agent_steps"]):
+        found.append(last)
+    return found
+
+
+def _sample_long(file: BinaryIO, size: int, count: int) -> list[dict[str, Any]]:
+    """Return the lines that begin after ``count`` evenly spaced places of a file."""
+    found: list[dict[str, Any]] = []
+    read_until = -1
+    for index in range(count):
+        place = size * index // count
+        if place < read_until:
+            continue  # the line that was read last reaches beyond
+        file.seek(max(0, place - 1))
+        if place:
+            file.readline(MAX_LINE_BYTES)  # the rest of a line that began before
+        line = _parse_line(file.readline(MAX_LINE_BYTES))
+        read_until = file.tell()
+        if line is not None:
+            found.append(line)
+    return found
+
+
+def _parse_line(text: bytes) -> dict[str, Any] | None:
+    """Return a line as :class:`~ludus.runs.metrics.MetricsLog` writes it, None for others."""
+    try:
+        line: Any = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(line, dict):
+        return None
+    values = cast(dict[str, Any], line)
+    policies, steps = values.get("policies"), values.get("agent_steps")
+    is_sound = isinstance(policies, dict) and isinstance(steps, int | float)
+    return values if is_sound else None

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ludus.errors import CheckpointError
-from ludus.networks.load_tensors import load_tensors
 from ludus.networks.policy import Policy
+from ludus.networks.tensors import load_tensors
 from ludus.runs.checkpoint import Checkpoint, check_spec, read_checkpoint
 from ludus.runs.run_folder import RunFolder
 from ludus.settings.merging import saved_policy

@@ -1,4 +1,4 @@
-"""A conversation with an engine that speaks the Ludus protocol."""
+"""A session with an engine that speaks the Ludus protocol."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from ludus.errors import (
     UsageError,
 )
 from ludus.link import Link, LinkClosed
-from ludus.session.finite import check_finite
 from ludus.session.supervision import Supervision
-from ludus.spec import PolicySpec, Spec
+from ludus.spec import PolicySpec
 from ludus.spec.batch import ActionBatch, Batches, StepTimes
+from ludus.spec.finite import check_finite
 from ludus.wire.error_report import error_report
 from ludus.wire.frames import FrameType, decode_json, encode_frame, encode_json
 from ludus.wire.handshake import EngineConfig, Hello, welcome
@@ -35,17 +35,17 @@ from ludus.wire.step import BatchDecoder, StepEncoder
 __all__ = ["BRIDGE", "EngineSession", "RendererMissing"]
 
 _ENDINGS = (FrameType.ERROR, FrameType.CLOSE)
-_GOODBYE_S = 1.0
+_CLOSE_TIMEOUT_S = 1.0
 BRIDGE = {"bridge": True}
 """Target of calls of the add-on's own methods (PROTOCOL.md §8)."""
 
 
 class RendererMissing(SetupError):  # noqa: N818 - reads as what happened
-    """The game has cameras, and the engine that runs it does not draw (PROTOCOL.md §9)."""
+    """The game has cameras, but its engine runs without a renderer (PROTOCOL.md §9)."""
 
 
 class EngineSession:
-    """One engine, from greeting to goodbye.
+    """One engine, from ``HELLO`` to ``CLOSE``.
 
     Args:
         link: Open connection.
@@ -54,14 +54,19 @@ class EngineSession:
         token: Secret shared with an engine on another machine.
         step_timeout_s: Deadline of every answer, seconds.
 
+    Attributes:
+        hello: The engine's greeting: versions and capabilities.
+        spec: What the engine declared.
+        policies: Policies by name, in wire order.
+
     Raises:
-        EngineStartError: Versions or tokens do not fit, or the game never told its spec.
+        EngineStartError: Versions or tokens do not match, or the game never sent its spec.
         TargetError: The scene cannot be trained; the text says why.
         EngineError: The engine died, froze or broke the protocol.
     """
 
     _more_capabilities: ClassVar[frozenset[str]] = frozenset()
-    """What this kind of session agrees to beside what all do."""
+    """Capabilities that this kind of session has in addition to those of all."""
 
     def __init__(
         self,
@@ -77,15 +82,15 @@ class EngineSession:
         self._call_id = 0
         self._num_steps = 0
         try:
-            self._hello = Hello.from_json(self._receive_json(FrameType.HELLO))
+            self.hello = Hello.from_json(self._receive_json(FrameType.HELLO))
             version = self._agree(token)
-            answer = welcome(version, self._hello, config, token, self._more_capabilities)
+            answer = welcome(version, self.hello, config, token, self._more_capabilities)
             self._send(FrameType.WELCOME, encode_json(FrameType.WELCOME, answer))
-            self._spec = read_spec(self._receive_json(FrameType.SPEC))
+            self.spec = read_spec(self._receive_json(FrameType.SPEC))
         except EngineTimeout as error:
             raise EngineStartError(
-                f"the game did not tell its spec in time: {error.message}",
-                hint="its scene may hang in a loop; if loading takes long, raise start_timeout_s",
+                f"the game did not send its spec in time: {error.message}",
+                hint="its scene may hang in a loop; if it only loads slowly, raise start_timeout_s",
             ) from error
         except LudusError as error:
             self.fail(error)
@@ -93,32 +98,19 @@ class EngineSession:
         except BaseException:
             self.close()
             raise
-        self._policies = {policy.name: policy for policy in self._spec.policies}
-        self._encoder = StepEncoder(self._spec)
-        self._decoder = BatchDecoder(self._spec)
+        self.policies: Mapping[str, PolicySpec] = {
+            policy.name: policy for policy in self.spec.policies
+        }
+        self._encoder = StepEncoder(self.spec)
+        self._decoder = BatchDecoder(self.spec)
         link.timeout_s = step_timeout_s
         self._spin_s = config.spin_us * 1e-6
         if config.spin_us:
             link.spin(self._spin_s)
 
     @property
-    def spec(self) -> Spec:
-        """What the engine declared."""
-        return self._spec
-
-    @property
-    def policies(self) -> Mapping[str, PolicySpec]:
-        """Policies by name, in wire order."""
-        return self._policies
-
-    @property
-    def hello(self) -> Hello:
-        """The engine's greeting: versions and capabilities."""
-        return self._hello
-
-    @property
     def times(self) -> StepTimes:
-        """Where the time of the last step went."""
+        """How the time of the last step was spent."""
         return self._decoder.times
 
     @property
@@ -128,8 +120,8 @@ class EngineSession:
 
     @property
     def has_requests(self) -> bool:
-        """Whether the game asked for something that was not taken yet, as of the last answer."""
-        return self._decoder.has_requests and REQUESTS in self._hello.capabilities
+        """Whether requests of the game were waiting as of the last answer."""
+        return self._decoder.has_requests and REQUESTS in self.hello.capabilities
 
     def reset(self, request: ResetRequest) -> Batches:
         """Begin new episodes (PROTOCOL.md §5).
@@ -141,9 +133,9 @@ class EngineSession:
             UsageError: The request does not fit the number of worlds.
             EngineError: The engine failed.
         """
-        if len(request.seeds) != self._spec.num_worlds:
+        if len(request.seeds) != self.spec.num_worlds:
             raise UsageError(
-                f"reset of {len(request.seeds)} worlds, the engine has {self._spec.num_worlds}"
+                f"reset of {len(request.seeds)} worlds, the engine has {self.spec.num_worlds}"
             )
         self._send(FrameType.RESET, request.encode())
         return self.receive()
@@ -154,7 +146,7 @@ class EngineSession:
         Raises:
             SequenceError: ``reset`` was never called, or the last answer was not received.
             ActionError: A policy is missing, or its arrays have the wrong shape.
-            EngineError: The engine has gone.
+            EngineError: The engine is gone.
         """
         self._send(FrameType.STEP, self._encoder.encode(actions))
 
@@ -171,19 +163,19 @@ class EngineSession:
         """
         if self._state.state is not State.STEPPING:
             raise SequenceError("nothing to receive", hint="call reset() or send() first")
-        try:  # self._explained, written out: a context costs two calls of cold code in every step
+        try:  # as _wrap_errors, but a context manager would cost two more calls in every step
             num_bytes = self._link.receive_into(self._decoder.buffer, FrameType.BATCH)
             if num_bytes is None:
-                self._next_payload()  # raises, since nothing but a BATCH answers a step
+                self._next_payload()  # raises, since only a BATCH may answer a step
             assert num_bytes is not None
             self._state.receive(FrameType.BATCH)
             batches = self._decoder.decode(num_bytes)
             self._num_steps = 0 if self._decoder.is_reset else self._num_steps + 1
-            if not self._decoder.is_surely_finite():
-                check_finite(self._policies, batches, self._num_steps)
+            if not self._decoder.all_finite_fast():
+                check_finite(self.policies, batches, self._num_steps)
             self._supervision.check_script_errors()
         except BaseException as error:
-            self._explain(error)
+            self._close_after(error)
             raise
         return batches
 
@@ -204,35 +196,35 @@ class EngineSession:
         self._send(FrameType.CALL, frame)
         result = self._receive_json(FrameType.RESULT)
         if result.get("id") != self._call_id:
-            with self._explained():
+            with self._wrap_errors():
                 raise ProtocolError(f"RESULT of call {result.get('id')}, expected {self._call_id}")
         if "error" in result:
             raise GameError(f"call of {method} failed: {result['error']}")
         return result.get("value")
 
     def take_requests(self) -> list[dict[str, Any]]:
-        """Fetch what the game asks for; see :func:`ludus.wire.requests.read_requests`.
+        """Fetch the game's requests; see :func:`ludus.wire.requests.read_requests`.
 
-        The engine is asked only if it has said that there is something.
+        The engine is asked only if it has announced requests.
 
         Returns:
-            The requests, oldest first; none if the game asks for nothing.
+            The requests, oldest first.
 
         Raises:
             SequenceError: The answer to ``send`` was not received yet.
-            ProtocolError: The engine answered something else than a list of requests.
+            ProtocolError: The engine's answer is not a list of requests.
             EngineError: The engine failed.
         """
         if not self.has_requests:
             return []
         value = self.call(BRIDGE, "take_requests")
-        with self._explained():
+        with self._wrap_errors():
             requests = read_requests(value)
         self._decoder.has_requests = False
         return requests
 
     def show_status(self, status: Mapping[str, Any]) -> None:
-        """Tell the game how training goes; without effect on an engine that cannot show it.
+        """Report the progress of training to the game; does nothing if it cannot show it.
 
         Args:
             status: ``{"agent_steps": int, "updates": int, "policies": {name: {"mode": word,
@@ -243,71 +235,72 @@ class EngineSession:
             SequenceError: The answer to ``send`` was not received yet.
             EngineError: The engine failed.
         """
-        if REQUESTS in self._hello.capabilities:
+        if REQUESTS in self.hello.capabilities:
             self.call(BRIDGE, "show_status", [dict(status)])
 
     def fail(self, error: LudusError) -> None:
-        """Tell the game why the conversation ends, and end it; without effect once it has ended."""
+        """Tell the game why the session ends, and end it; does nothing once it has ended."""
         report = error_report(error)
-        self._refuse(report["code"], report["message"], report["hint"])
+        self._send_error(report["code"], report["message"], report["hint"])
         self.close()
 
     def close(self) -> None:
-        """Say goodbye and end the engine; may be called twice."""
+        """Send ``CLOSE`` and end the engine; may be called twice."""
         with contextlib.suppress(LinkClosed, LudusError):
             self._state.send(FrameType.CLOSE)
-            self._link.timeout_s = _GOODBYE_S
+            self._link.timeout_s = _CLOSE_TIMEOUT_S
             self._link.send(encode_frame(FrameType.CLOSE))
         self._link.close()
         self._supervision.close()
 
     def _agree(self, token: str) -> int:
-        if token and not self._hello.has_token(token):
-            self._refuse("token", "the tokens differ")
+        """Return the protocol version, after checking the engine's token."""
+        if token and not self.hello.has_token(token):
+            self._send_error("token", "the tokens differ")
             raise EngineStartError(
-                "the engine sent another token", hint="give both sides the same token file"
+                "the engine's token is not ours", hint="give both sides the same token file"
             )
         try:
-            return self._hello.agree()
+            return self.hello.agree()
         except EngineStartError as error:
-            self._refuse("version", error.message, error.hint)
+            self._send_error("version", error.message, error.hint)
             raise
 
-    def _refuse(self, code: str, message: str, hint: str = "") -> None:
-        """Tell the engine why the conversation ends, if it still listens."""
+    def _send_error(self, code: str, message: str, hint: str = "") -> None:
+        """Tell the engine why the session ends, if it still listens."""
         with contextlib.suppress(LinkClosed, LudusError):
             self._state.send(FrameType.ERROR)
-            self._link.timeout_s = _GOODBYE_S
+            self._link.timeout_s = _CLOSE_TIMEOUT_S
             report = {"code": code, "message": message, "hint": hint}
             self._link.send(encode_json(FrameType.ERROR, report))
 
     def _send(self, frame_type: FrameType, frame: bytes | bytearray) -> None:
         if self._link.has_pending:
-            self._receive()  # raises, since nothing was asked
+            self._receive()  # raises, since no answer is due
         self._state.send(frame_type)
-        try:  # as in receiving
+        try:  # see receive
             self._link.send(frame)
         except BaseException as error:
-            self._explain(error)
+            self._close_after(error)
             raise
 
     def _receive(self) -> bytes:
-        with self._explained():
+        with self._wrap_errors():
             return self._next_payload()
 
     def _receive_json(self, frame_type: FrameType) -> dict[str, Any]:
-        with self._explained():
+        with self._wrap_errors():
             return decode_json(self._next_payload(), frame_type.name)
 
     def _next_payload(self) -> bytes:
         frame_type, payload = self._link.receive()
         self._state.receive(frame_type)
         if frame_type in _ENDINGS:
-            raise self._ending(frame_type, payload)
+            raise self._error_of(frame_type, payload)
         return payload
 
-    def _ending(self, frame_type: FrameType, payload: bytes) -> LudusError:
-        """Return what it means that the engine sent ``frame_type`` instead of an answer."""
+    def _error_of(self, frame_type: FrameType, payload: bytes) -> LudusError:
+        """Return the error for a ``CLOSE`` or ``ERROR`` that came instead of an answer."""
         if frame_type is FrameType.CLOSE:
             return self._supervision.explain("the engine closed the connection")
         report = decode_json(payload, "ERROR")
@@ -323,27 +316,23 @@ class EngineSession:
         return kinds.get(str(report.get("code")), ProtocolError)(message, hint)
 
     @contextlib.contextmanager
-    def _explained(self) -> Generator[None]:
-        """End the session with what leaves this context."""
+    def _wrap_errors(self) -> Generator[None]:
+        """End the session if an error leaves this context."""
         try:
             yield
         except BaseException as error:
-            self._explain(error)
+            self._close_after(error)
             raise
 
-    def _explain(self, error: BaseException) -> None:
-        """End the session after an error, with one that says what became of the engine."""
+    def _close_after(self, error: BaseException) -> None:
+        """End the session after an error; raise a clearer one if the engine is gone or silent."""
         if isinstance(error, LinkClosed):
             explained = self._supervision.explain("the connection to the engine ended")
             self.close()
             raise explained from error
         if isinstance(error, EngineTimeout):
             frozen = self._supervision.explain_silence(error)
-            self._refuse("timeout", error.message)
-            self.close()
+            self.fail(error)
             raise frozen from error
-        if isinstance(error, ProtocolError):
-            self._refuse("frame", error.message)
-            self.close()
-        elif isinstance(error, LudusError):
+        if isinstance(error, LudusError):
             self.fail(error)

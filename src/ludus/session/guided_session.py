@@ -1,4 +1,4 @@
-"""A conversation with a game that guides its own training (PROTOCOL.md §8, "Standing by")."""
+"""A session with a game that guides its own training (PROTOCOL.md §8, "Standing by")."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ __all__ = ["GuidedSession"]
 
 
 class GuidedSession(EngineSession):
-    """One game, which may tell the trainer what to do; see :class:`EngineSession`.
+    """One game that may tell the trainer what to do; see :class:`EngineSession`.
 
-    Between :meth:`stand_by` and the next :meth:`reset` the game goes on by itself, and
-    :meth:`take_requests` asks it whether it wants something each time.
+    Between :meth:`stand_by` and the next :meth:`reset` the game runs freely, and every call of
+    :meth:`take_requests` asks it for requests.
     """
 
     _more_capabilities: ClassVar[frozenset[str]] = frozenset({GUIDED})
@@ -32,14 +32,14 @@ class GuidedSession(EngineSession):
 
     @property
     def has_requests(self) -> bool:
-        """Whether the game may want something: always while it stands by."""
+        """Whether requests may be waiting: always true while the game stands by."""
         return self._is_standing_by or super().has_requests
 
     def stand_by(self) -> None:
-        """Let the game go on by itself until the next :meth:`reset`.
+        """Let the game run freely until the next :meth:`reset`.
 
         Raises:
-            UsageError: The game does not guide its training, so it cannot do that.
+            UsageError: The game does not guide its training.
             SequenceError: The answer to ``send`` was not received yet.
             EngineError: The engine failed.
         """
@@ -47,10 +47,10 @@ class GuidedSession(EngineSession):
             raise UsageError("only a game that guides its training can stand by")
         self.call(BRIDGE, "stand_by")
         self._is_standing_by = True
-        self._link.spin(0.0)  # nothing is in a hurry now
+        self._link.spin(0.0)  # latency does not matter now, so leave the core to others
 
     def reset(self, request: ResetRequest) -> Batches:
-        """Begin new episodes, and with them lock-step; see :meth:`EngineSession.reset`."""
+        """Begin new episodes and return to lock-step; see :meth:`EngineSession.reset`."""
         self._is_standing_by = False
         self._link.spin(self._spin_s)
         return super().reset(request)

@@ -22,7 +22,7 @@ class Session(Protocol):
 
     @property
     def times(self) -> StepTimes:
-        """Where the time of the last step went."""
+        """How the time of the last step was spent."""
         ...
 
     def reset(self, request: ResetRequest) -> Batches:
@@ -43,17 +43,17 @@ class Session(Protocol):
 
     @property
     def has_requests(self) -> bool:
-        """Whether the game asked for something that was not taken yet, as of the last answer."""
+        """Whether requests of the game were waiting as of the last answer."""
         ...
 
     def take_requests(self) -> list[dict[str, Any]]:
-        """Fetch what the game asks for, oldest first (PROTOCOL.md §8); nothing if it does not."""
+        """Fetch the game's requests, oldest first (PROTOCOL.md §8)."""
         ...
 
     def show_status(self, status: Mapping[str, Any]) -> None:
-        """Tell the game how training goes (PROTOCOL.md §8), if it wants to know."""
+        """Report the progress of training to the game (PROTOCOL.md §8), if it can show it."""
         ...
 
     def close(self) -> None:
-        """End the conversation and the engine; may be called twice."""
+        """End the session and the engine; may be called twice."""
         ...

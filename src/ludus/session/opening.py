@@ -9,15 +9,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ludus.engine import (
+    RUN_SCENE,
     EngineProcess,
     GodotFlags,
     LaunchConfig,
     ensure_imported,
     executable_command,
     godot_command,
+    require_addon,
     with_display,
 )
-from ludus.errors import EngineStartError, EngineTimeout, TargetError
+from ludus.errors import EngineStartError, EngineTimeout
 from ludus.link import Link, Listener, connect
 from ludus.session.engine_session import EngineSession, RendererMissing
 from ludus.session.supervision import Supervision
@@ -26,7 +28,6 @@ from ludus.wire.handshake import EngineConfig
 
 __all__ = ["LaunchOptions", "open_session"]
 
-RUN_SCENE = "res://addons/ludus/run.tscn"
 _DRAW_ONLY_WHEN_ASKED = ("--disable-render-loop", "--resolution", "64x64")
 _MIN_GREETING_S = 1.0
 
@@ -139,11 +140,7 @@ def _command(
         command = executable_command(game.path, flags)
     else:
         project = game.project
-        if not (project.root / "addons/ludus/run.tscn").is_file():
-            raise TargetError(
-                f"{project.root} has no Ludus add-on",
-                hint=f"run `ludus addon install {project.root}`",
-            )
+        require_addon(project)
         engine = game.find_engine()
         ensure_imported(engine, project)
         command = godot_command(engine, project.root, RUN_SCENE, flags)

@@ -1,4 +1,4 @@
-"""What became of an engine's process: errors that explain a broken or silent connection."""
+"""Watch an engine's process, and explain a broken or silent connection by what became of it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _OUTPUT_SETTLE_S = 0.1
 
 
 class Supervision:
-    """Watches the process of one engine, or nothing if the game was started by somebody else."""
+    """Watches the process of one engine; does nothing for a game that Ludus did not start."""
 
     def __init__(self, process: EngineProcess | None) -> None:
         self._process = process
@@ -28,7 +28,7 @@ class Supervision:
         """Raise if the process has ended.
 
         Raises:
-            EngineCrashed: It has; the text holds exit code, command and last lines.
+            EngineCrashed: The text holds exit code, command line and last lines of output.
         """
         if self._process is not None and not self._process.is_alive:
             raise EngineCrashed(
@@ -43,7 +43,7 @@ class Supervision:
         self._process.wait(_SETTLE_S)
         return EngineCrashed(
             f"{what}: {self._process.describe_death()}",
-            process_exit_code=self._process.exit_code,
+            process_exit_code=self._process.poll(),
         )
 
     def explain_silence(self, error: EngineTimeout) -> EngineTimeout:
@@ -59,13 +59,13 @@ class Supervision:
         """Raise if the game's scripts have failed.
 
         Raises:
-            GameError: They have; the text holds the lines the engine printed.
+            GameError: The text holds the lines that the engine printed.
         """
         if self._process is not None and self._process.script_errors:
             time.sleep(_OUTPUT_SETTLE_S)
             raise GameError(
                 f"a script of the game failed:{self.script_errors()}",
-                hint="the script and its line stand behind `at:`",
+                hint="`at:` is followed by the script and its line",
             )
 
     def script_errors(self) -> str:

@@ -1,4 +1,4 @@
-"""What a game declares about its agents, and the arrays that follow from it."""
+"""The declarations of a game about its agents, and the arrays that follow from them."""
 
 from ludus.spec.engine_spec import (
     DTYPES,

@@ -1,4 +1,4 @@
-"""What one step of many agents looks like in Python: a batch per policy, and its actions."""
+"""One step of many agents as arrays: a batch of outcomes and one of actions per policy."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class Batch:
     """All agents of one policy at one moment; ``n`` slots (PROTOCOL.md §7, "Meaning").
 
     ``reward``, ``terminated`` and ``truncated`` belong to the action taken on the previous batch
-    and mean something only where the previous batch was ``active``. Where an episode ended,
-    ``observation`` is already the first of the next one (same-step autoreset) and the last one
-    of the old episode stands in ``final_observation``.
+    and are valid only where the previous batch was ``active``. Where an episode ended,
+    ``observation`` is already the first of the next one (same-step autoreset), and
+    ``final_observation`` holds the last one of the old episode.
 
     Attributes:
         observation: Per entry ``dtype[n, *shape]``.
@@ -94,13 +94,13 @@ Batches = dict[str, Batch]
 
 
 class StepTimes(NamedTuple):
-    """Where the time of one step went, microseconds (PROTOCOL.md §7).
+    """How the time of one step was spent, microseconds (PROTOCOL.md §7).
 
     Attributes:
         tick: Ticks since the engine started.
-        engine_us: Engine's own loop: physics and the game's scripts.
+        engine_us: The engine's own loop: physics and the game's scripts.
         bridge_us: The add-on: actions, observations, encoding and decoding.
-        wait_us: The engine waited for the trainer.
+        wait_us: Waiting for the trainer.
     """
 
     tick: int

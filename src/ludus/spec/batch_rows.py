@@ -1,4 +1,4 @@
-"""One agent's row of a batch: its action out of Gymnasium's space, its observation into it."""
+"""One agent's row of a batch: read its action as Gymnasium has it, write its observation."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["action_reader", "clear_outcome", "write_finals", "write_state"]
 
 
 def action_reader(space: spaces.Space[Any]) -> Callable[[ActionBatch, int], Any]:
-    """Return what turns a row of an action batch into an action of ``space``."""
+    """Return a function from an action batch and a row to an action of ``space``."""
     if isinstance(space, spaces.Discrete):
         start = int(space.start)
         return lambda actions, row: int(actions.discrete[row, 0]) + start
@@ -55,7 +55,7 @@ def write_finals(batch: Batch, finals: list[tuple[int, Any]]) -> None:
 
 
 def clear_outcome(batch: Batch) -> None:
-    """Set reward and ends to nothing."""
+    """Set rewards to zero, and remove the ends of episodes."""
     batch.reward[:] = 0.0
     batch.terminated[:] = False
     batch.truncated[:] = False

@@ -1,4 +1,4 @@
-"""What an engine declares in the handshake (PROTOCOL.md §4): worlds, policies, entries, actions.
+"""The declarations of an engine (PROTOCOL.md §4): worlds, policies, entries, actions.
 
 No input or output happens here; :mod:`ludus.wire.spec_reader` builds a spec from JSON.
 """
@@ -43,7 +43,7 @@ class ObservationEntry:
     Attributes:
         name: Key in the observation dictionary.
         dtype: ``"float32"``, ``"uint8"`` (images, channels last) or ``"int64"``.
-        shape: Shape for one agent; ``()`` is not allowed, a number has shape ``(1,)``.
+        shape: Shape for one agent; a single number has shape ``(1,)``, since ``()`` is not allowed.
         low: Smallest value, one for all elements or one per element; ``-inf`` if unbounded.
         high: Largest value, like ``low``.
     """
@@ -131,7 +131,7 @@ ActionComponent = DiscreteAction | ContinuousAction
 
 @dataclass(frozen=True)
 class AgentSpec:
-    """Where the agent of a slot lives: world index and node path inside it (None: free slot)."""
+    """Location of a slot's agent: world index, and node path in that world (None: free slot)."""
 
     world: int
     path: str | None
@@ -153,7 +153,7 @@ class PolicySpec:
         agents_per_world: Slots in each world.
         has_action_mask: Whether batches carry ``action_mask``.
         episode: ``"agent"`` or ``"world"``, PROTOCOL.md §4.
-        max_episode_steps: Steps after which an episode is truncated, None if never.
+        max_episode_steps: Steps after which an episode is truncated; None: never.
         settings: Training settings from the scene.
     """
 
@@ -172,6 +172,10 @@ class PolicySpec:
         """Slots of this policy in one engine."""
         return len(self.agents)
 
+    def world_slots(self, world: int) -> slice:
+        """Return the slots of one world."""
+        return slice(world * self.agents_per_world, (world + 1) * self.agents_per_world)
+
     @cached_property
     def nvec(self) -> tuple[int, ...]:
         """``n`` of each discrete component, in order."""
@@ -184,7 +188,7 @@ class PolicySpec:
 
     @cached_property
     def continuous_size(self) -> int:
-        """Elements of all continuous components in sum."""
+        """Number of elements of all continuous components together."""
         return sum(part.size for part in self.action if isinstance(part, ContinuousAction))
 
     @cached_property
@@ -201,7 +205,7 @@ class PolicySpec:
         return np.concatenate([empty, *low]), np.concatenate([empty, *high])
 
     def fingerprint(self) -> str:
-        """Return a hash of everything a trained network depends on: entries and action."""
+        """Return a hash of everything that a trained network depends on."""
         content = {
             "observation": [entry.to_json() for entry in self.observation],
             "action": [part.to_json() for part in self.action],
@@ -228,7 +232,7 @@ class PolicySpec:
 
 @dataclass(frozen=True)
 class Spec:
-    """All an engine declares.
+    """All declarations of one engine.
 
     Attributes:
         num_worlds: Worlds in this engine.
@@ -236,7 +240,7 @@ class Spec:
         ticks_per_step: Physics ticks per decision.
         tick_rate: Ticks per second of game time.
         policies: In wire order.
-        scene: Scene the worlds were made from, for messages.
+        scene: Scene that the worlds were made from, for messages.
     """
 
     num_worlds: int

@@ -1,4 +1,4 @@
-"""What spaces of Gymnasium mean as a spec: entries of an observation, components of an action."""
+"""Specs from Gymnasium spaces: entries of an observation, components of an action."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ludus.spec import ActionComponent, Bound, ContinuousAction, DiscreteAction,
 __all__ = ["SINGLE_ENTRY", "read_action", "read_observation"]
 
 SINGLE_ENTRY = "observation"
-"""Name of the one entry of a space that is no dictionary."""
+"""Name of the entry if the space is not a dictionary."""
 
 
 def read_observation(space: spaces.Space[Any]) -> tuple[ObservationEntry, ...]:
@@ -61,8 +61,8 @@ def _read_entry(name: str, space: spaces.Space[Any]) -> ObservationEntry:
     if not isinstance(space, spaces.Box):
         raise TargetError(
             f"cannot train on the observation {name}: {space}",
-            "make it a Box, or a Dict of boxes; gymnasium.wrappers.FlattenObservation does it for "
-            "an environment",
+            "make it a Box or a Dict of boxes, for example with "
+            "gymnasium.wrappers.FlattenObservation",
         )
     kind = np.dtype(cast(Any, space).dtype)
     dtype = "uint8" if kind == np.uint8 else "float32" if kind.kind == "f" else "int64"

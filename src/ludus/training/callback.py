@@ -78,7 +78,7 @@ class RunCallback:
                 case None:
                     pass
                 case request:
-                    log.warning("request left out: only ludus serve can %s", request.to_json())
+                    log.warning("ignoring %s: only ludus serve can do that", request.to_json())
         return is_stopping
 
     def _show_status(self) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import bisect
 from collections.abc import Mapping
+from itertools import accumulate
 
 from ludus.errors import ConfigError
 from ludus.settings.policy_config import Mode
@@ -24,7 +26,7 @@ class ModeSchedule:
     def __init__(self, config: TrainConfig) -> None:
         self._base: dict[str, Mode] = {name: of.mode for name, of in config.policies.items()}
         self._phases = config.schedule or _turns(self._base, config.alternate_every)
-        self._length = sum(phase.updates for phase in self._phases)
+        *self._starts, self._length = accumulate([0, *(phase.updates for phase in self._phases)])
         for phase in self._phases:
             if unknown := sorted(phase.modes.keys() - self._base.keys()):
                 known = ", ".join(self._base)
@@ -36,25 +38,13 @@ class ModeSchedule:
         """Return the mode of each policy after ``updates`` updates."""
         if not self._phases:
             return self._base
-        left = updates % self._length
-        for phase in self._phases:
-            if left < phase.updates:
-                return {name: phase.modes.get(name, mode) for name, mode in self._base.items()}
-            left -= phase.updates
-        raise AssertionError("phases cover their length")
+        index = bisect.bisect_right(self._starts, updates % self._length) - 1
+        modes = self._phases[index].modes
+        return {name: modes.get(name, mode) for name, mode in self._base.items()}
 
     def is_change(self, updates: int) -> bool:
         """Return whether a phase begins after ``updates`` updates; the first one does at 0."""
-        if updates == 0:
-            return True
-        if not self._phases:
-            return False
-        left = updates % self._length
-        for phase in self._phases:
-            if left == 0:
-                return True
-            left -= phase.updates
-        return False
+        return updates == 0 or (bool(self._phases) and updates % self._length in self._starts)
 
 
 def _turns(base: Mapping[str, Mode], updates: int | None) -> tuple[Phase, ...]:

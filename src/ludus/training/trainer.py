@@ -112,22 +112,15 @@ class Trainer:
             self._slots[name].load_state(checkpoint.run["seats"][name])
         if self._league is not None and "league" in checkpoint.run:
             self._league.load_state(checkpoint.league, checkpoint.run["league"])
-        for name, mode in self._changed_modes(checkpoint).items():
-            self.set_mode(name, mode)
+        before = checkpoint.config["policies"]
+        for name, settings in self._config.policies.items():
+            if settings.mode != before[name]["mode"]:  # otherwise the mode that it was in stays
+                self.set_mode(name, settings.mode)
         self._note_learning()
         self.updates = int(checkpoint.run["updates"])
         self.wall_s = float(checkpoint.run["wall_s"])
         self._saved_at_s, self._saved_at_update = self.wall_s, self.updates
         restore_random_state(checkpoint.run["random"])
-
-    def _changed_modes(self, checkpoint: Checkpoint) -> dict[str, Mode]:
-        """Return the modes of policies that the settings now want otherwise than before."""
-        before = checkpoint.config["policies"]
-        return {
-            name: settings.mode
-            for name, settings in self._config.policies.items()
-            if settings.mode != before[name]["mode"]
-        }
 
     def begin(self) -> None:
         """Put every policy into its first mode; :meth:`run` does it otherwise."""
@@ -182,7 +175,7 @@ class Trainer:
     ) -> StopReason:
         while (reason := self._reason_to_stop()) is None:
             start, steps_before = time.perf_counter(), self.agent_steps
-            times = self._times()
+            times = replace(self._collector.times)
             interruption = self._collect(is_stopping, callback)
             update_start = time.perf_counter()
             losses = self._update() if interruption is None else {}
@@ -193,7 +186,15 @@ class Trainer:
             shares = self._shares(times, end - update_start, end - start)
             speed = (self.agent_steps - steps_before) / (end - start)
             policies = {name: self._policy_metrics(name, losses) for name in self._learners}
-            metrics.write(self._run_metrics(speed, shares), policies)
+            run_metrics = {
+                "agent_steps": self.agent_steps,
+                "updates": self.updates,
+                "wall_s": self.wall_s,
+                "steps_per_s": speed,
+                **shares,
+                "restarts": self._pool.num_restarts,
+            }
+            metrics.write(run_metrics, policies)
             reporter.updated(self._progress(speed, policies))
             self._advance()
             if self._is_time_to_save():
@@ -280,9 +281,6 @@ class Trainer:
 
     # --- measuring ------------------------------------------------------------------------------
 
-    def _times(self) -> CollectTimes:
-        return replace(self._collector.times)
-
     def _shares(self, before: CollectTimes, update_s: float, total_s: float) -> dict[str, float]:
         now = self._collector.times
         return {
@@ -290,16 +288,6 @@ class Trainer:
             "act_share": (now.act_s - before.act_s) / total_s,
             "record_share": (now.record_s - before.record_s) / total_s,
             "update_share": (update_s + now.learn_s - before.learn_s) / total_s,
-        }
-
-    def _run_metrics(self, speed: float, shares: dict[str, float]) -> dict[str, float]:
-        return {
-            "agent_steps": self.agent_steps,
-            "updates": self.updates,
-            "wall_s": self.wall_s,
-            "steps_per_s": speed,
-            **shares,
-            "restarts": self._pool.num_restarts,
         }
 
     def _policy_metrics(

@@ -1,4 +1,4 @@
-"""What an ``ERROR`` frame says of an error (PROTOCOL.md §9). No input or output."""
+"""The content of an ``ERROR`` frame (PROTOCOL.md §9). No input or output."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _CODES: tuple[tuple[type[LudusError], str], ...] = (
     (SequenceError, "sequence"),
     (UsageError, "config"),
 )
-"""First match wins; what is none of these is our own affair."""
+"""First match wins; any other error is ``internal``."""
 
 
 def error_report(error: LudusError) -> dict[str, str]:
-    """Return the content of the frame that tells of ``error``."""
+    """Return the content of the frame that reports ``error``."""
     code = next((code for kind, code in _CODES if isinstance(error, kind)), "internal")
     return {"code": code, "message": error.message, "hint": error.hint}

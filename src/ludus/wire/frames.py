@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import struct
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, cast
 
@@ -13,8 +12,6 @@ from ludus.errors import ProtocolError
 __all__ = [
     "HEADER",
     "HEADER_BYTES",
-    "Frame",
-    "FrameReader",
     "FrameType",
     "decode_header",
     "decode_json",
@@ -60,14 +57,6 @@ _LIMITS = {
 }
 
 
-@dataclass(frozen=True)
-class Frame:
-    """One whole frame."""
-
-    type: FrameType
-    payload: bytes
-
-
 def padded(num_bytes: int) -> int:
     """Return ``num_bytes`` rounded up to a multiple of 8."""
     return (num_bytes + 7) & ~7
@@ -84,7 +73,7 @@ def decode_header(header: bytes | bytearray | memoryview) -> tuple[FrameType, in
     if frame_type is None:
         raise ProtocolError(
             f"frame of unknown type {number}",
-            hint="something that is no Ludus engine may be speaking on this connection",
+            hint="the other side of the connection may not be a Ludus engine",
         )
     if flags or reserved:
         raise ProtocolError(f"{frame_type.name} frame with flags {flags}, reserved {reserved}")
@@ -109,7 +98,7 @@ def decode_json(payload: bytes | bytearray | memoryview, what: str) -> dict[str,
     """Return the JSON object of a payload.
 
     Raises:
-        ProtocolError: It is no UTF-8, no JSON or no object. ``what`` names the frame.
+        ProtocolError: It is not UTF-8, not JSON or not an object. ``what`` names the frame.
     """
     try:
         value = parse_json(payload)
@@ -121,7 +110,7 @@ def decode_json(payload: bytes | bytearray | memoryview, what: str) -> dict[str,
 
 
 def parse_json(text: bytes | bytearray | memoryview) -> Any:
-    """Return a JSON value; raise ``ValueError`` if the text is no UTF-8 or no JSON."""
+    """Return a JSON value; raise ``ValueError`` if the text is not UTF-8 or not JSON."""
     try:
         return json.loads(bytes(text).decode("utf-8"), parse_constant=_refuse_constant)
     except RecursionError as error:
@@ -130,32 +119,3 @@ def parse_json(text: bytes | bytearray | memoryview) -> Any:
 
 def _refuse_constant(name: str) -> None:
     raise ValueError(f"{name} is not JSON")
-
-
-class FrameReader:
-    """Cuts a stream of bytes, fed in pieces of any size, into frames."""
-
-    def __init__(self) -> None:
-        self._buffer = bytearray()
-
-    def feed(self, data: bytes) -> list[Frame]:
-        """Take in ``data`` and return the frames that are now whole.
-
-        Raises:
-            ProtocolError: A header is not allowed.
-        """
-        self._buffer += data
-        frames: list[Frame] = []
-        while len(self._buffer) >= HEADER_BYTES:
-            frame_type, num_bytes = decode_header(self._buffer[:HEADER_BYTES])
-            end = HEADER_BYTES + num_bytes
-            if len(self._buffer) < end:
-                break
-            frames.append(Frame(frame_type, bytes(self._buffer[HEADER_BYTES:end])))
-            del self._buffer[:end]
-        return frames
-
-    @property
-    def num_pending_bytes(self) -> int:
-        """Bytes of a frame that is not whole yet."""
-        return len(self._buffer)

@@ -1,8 +1,8 @@
 """JSON as Godot writes it.
 
 ``JSON.stringify`` never refuses a number: NaN becomes ``null`` or, before 4.5, ``nan``; infinity
-becomes ``1e99999`` or ``inf``. Control characters stand in texts as they are. All of it is read
-here, so that whoever looks at the numbers can say which of them is wrong.
+becomes ``1e99999`` or ``inf``. It does not escape control characters in strings. All of that is
+accepted here, so that the caller can say which number is wrong.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _NUMBERS = {"nan": "NaN", "-nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}
 
 
 def parse_godot_json(data: bytes) -> Any:
-    """Return a JSON value; raise ``ValueError`` if ``data`` is no UTF-8 or no JSON."""
+    """Return a JSON value; raise ``ValueError`` if ``data`` is not UTF-8 or not JSON."""
     text = data.decode("utf-8")
     try:
         return _parse(text)

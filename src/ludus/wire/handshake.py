@@ -1,18 +1,20 @@
-"""Greeting and agreement on a version (PROTOCOL.md §3). No input or output."""
+"""``HELLO`` and ``WELCOME``: versions, capabilities, settings (PROTOCOL.md §3). No I/O."""
 
 from __future__ import annotations
 
 import hmac
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, cast
+from typing import Any
 
-from ludus.errors import EngineStartError, ProtocolError
+from ludus.errors import EngineStartError
+from ludus.wire.json_object import JsonObject
 
 __all__ = ["CAPABILITIES", "PROTOCOL_MAX", "PROTOCOL_MIN", "EngineConfig", "Hello", "welcome"]
 
 PROTOCOL_MIN = 1
 PROTOCOL_MAX = 1
+_MAX_INT32 = 2**31 - 1
 CAPABILITIES = frozenset({"call", "ceiling", "rebuild", "requests", "reset_worlds"})
 
 
@@ -25,10 +27,10 @@ class EngineConfig:
         num_worlds: Worlds in this engine.
         first_world: Index of its first world among all engines.
         layout: ``"scene"`` (what the scene asks for), ``"isolated"`` or ``"grid"``.
-        ticks_per_step: Physics ticks per decision; None: what the agents say.
-        max_episode_steps: Steps until truncation; None: what the agents say.
+        ticks_per_step: Physics ticks per decision; None: as the agents declare.
+        max_episode_steps: Steps until truncation; None: as the agents declare.
         idle_timeout_s: How long the engine waits for the next request, seconds.
-        spin_us: How long it looks for the request again and again before it sleeps.
+        spin_us: How long it polls for the next request before it blocks, microseconds.
     """
 
     scene: str | None = None
@@ -55,8 +57,8 @@ class Hello:
         addon: Version of the add-on.
         capabilities: Features it has.
         token: Secret shared with the trainer, empty on loopback.
-        training: What a game that guides its training says of it, unread JSON; None if it does not.
-            See :func:`ludus.wire.training.read_training`.
+        training: Training settings of a game that guides its training, as unchecked JSON for
+            :func:`ludus.wire.training.read_training`; None for other games.
     """
 
     protocol: tuple[int, int]
@@ -73,32 +75,28 @@ class Hello:
         Raises:
             ProtocolError: A key is missing or of the wrong type.
         """
-        try:
-            versions = value["protocol"]
-            low, high = int(versions["min"]), int(versions["max"])
-            engine = f"{value['engine']['name']} {value['engine']['version']}"
-            capabilities = cast(list[Any], value["capabilities"])
-            if not isinstance(value["capabilities"], list):
-                raise TypeError("capabilities must be a list")
-            return cls(
-                protocol=(low, high),
-                engine=engine,
-                addon=str(value["addon"]),
-                capabilities=frozenset(str(item) for item in capabilities),
-                token=str(value.get("token", "")),
-                training=value.get("training"),
-            )
-        except (KeyError, TypeError, ValueError, OverflowError) as error:
-            raise ProtocolError(f"malformed HELLO: {error!r}") from error
+        reader = JsonObject(value, "HELLO")
+        versions, engine = reader.child("protocol"), reader.child("engine")
+        return cls(
+            protocol=(
+                versions.integer("min", 0, _MAX_INT32),
+                versions.integer("max", 0, _MAX_INT32),
+            ),
+            engine=f"{engine.text('name')} {engine.text('version')}",
+            addon=reader.text("addon"),
+            capabilities=frozenset(str(item) for item in reader.items("capabilities")),
+            token=reader.text("token", default=""),
+            training=reader.optional("training"),
+        )
 
     def has_token(self, token: str) -> bool:
-        """Compare tokens, in a time that tells nothing about them."""
+        """Return whether the engine sent ``token``; the time taken reveals nothing about it."""
         # JSON can carry half of a surrogate pair, which strict UTF-8 cannot.
         ours, theirs = (text.encode(errors="surrogatepass") for text in (token, self.token))
         return hmac.compare_digest(ours, theirs)
 
     def agree(self) -> int:
-        """Return the highest protocol version both sides know.
+        """Return the highest protocol version that both sides speak.
 
         Raises:
             EngineStartError: There is none; the text says which side to upgrade.
@@ -112,7 +110,8 @@ class Hello:
         else:
             side, hint = "the Python package is too old", "run `pip install --upgrade ludus-rl`"
         raise EngineStartError(
-            f"{side}: it speaks protocol {low} to {high}, ludus {PROTOCOL_MIN} to {PROTOCOL_MAX}",
+            f"{side}: the game speaks protocol {low} to {high}, ludus {PROTOCOL_MIN} to "
+            f"{PROTOCOL_MAX}",
             hint=hint,
         )
 
@@ -127,11 +126,11 @@ def welcome(
     """Return the answer to a ``HELLO``.
 
     Args:
-        version: What was agreed on.
+        version: Protocol version that :meth:`Hello.agree` returned.
         hello: The greeting.
         config: What to ask of the engine.
         token: Secret shared with the engine.
-        more: Capabilities that only this conversation has, beside :data:`CAPABILITIES`.
+        more: Capabilities of this conversation in addition to :data:`CAPABILITIES`.
     """
     from ludus.version import __version__
 

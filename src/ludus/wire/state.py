@@ -11,7 +11,7 @@ __all__ = ["ConnectionState", "State"]
 
 
 class State(IntEnum):
-    """Where a conversation stands."""
+    """State of a connection, as the trainer sees it."""
 
     CONNECTED = auto()
     GREETED = auto()
@@ -53,14 +53,14 @@ _ADVICE = {
 
 
 class ConnectionState:
-    """Follows one conversation and refuses frames that are out of turn."""
+    """Tracks one connection and refuses frames that its state does not allow."""
 
     def __init__(self) -> None:
         self.state = State.CONNECTED
         self.has_reset = False
 
     def send(self, frame_type: FrameType) -> None:
-        """Note that the trainer sends a frame.
+        """Record that the trainer sends a frame.
 
         Raises:
             SequenceError: The frame is not allowed now.
@@ -75,7 +75,7 @@ class ConnectionState:
         self.state = following
 
     def receive(self, frame_type: FrameType) -> None:
-        """Note that the engine sent a frame.
+        """Record that the engine sent a frame.
 
         Raises:
             ProtocolError: The frame is not allowed now.

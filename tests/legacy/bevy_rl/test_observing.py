@@ -61,8 +61,8 @@ def test_entries_of_a_dictionary_come_by_name() -> None:
     [
         (None, 1, "has not published a state yet"),
         ([1], 1, "the state has 1 numbers, the space 2"),
-        (["a", 1], 1, "the state is no number: 'a'"),
-        ({"x": {"y": "a"}}, 1, r"the state\.x\.y is no number"),
+        (["a", 1], 1, "the state is not a number: 'a'"),
+        ({"x": {"y": "a"}}, 1, r"the state\.x\.y is not a number"),
         ([1, 2, 3], 2, "0 lists of 2 elements"),
         ({"a": [1, 2], "b": [3, 4]}, 2, "2 lists of 2 elements"),
     ],
@@ -76,7 +76,7 @@ def test_missing_entries_are_told() -> None:
     space = spaces.Dict({"x": _box(1)})
     with pytest.raises(GameError, match="the state has no 'x', it has y"):
         _observe(space, {"y": 1, "z": 2})
-    with pytest.raises(GameError, match="is no JSON object"):
+    with pytest.raises(GameError, match="is not a JSON object"):
         _observe(space, [1])
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 import ludus
 from ludus.engine.bevy_build import build_bevy_example
 from ludus.errors import GameError
-from ludus.legacy.bevy_rl import client as client_module
+from ludus.legacy.bevy_rl import game as game_module
 from ludus.legacy.session import LegacySession
 from ludus.spec.batch import Batch
 from tests.legacy.bevy_rl.program import Program, Start, reset, step
@@ -44,7 +44,7 @@ def arguments(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
     """In lock-step with our own requests, and in real time with those that bevy_rl knows."""
     if request.param == "ludus":
         return []
-    monkeypatch.setattr(client_module, "_OURS", "nobody/")
+    monkeypatch.setattr(game_module, "_OURS", "nobody/")
     return ["--pause-interval=0.0001"]
 
 
@@ -204,7 +204,7 @@ def test_a_space_of_another_size_is_refused(start: Start) -> None:
         reset(session)
 
 
-def test_gymnasium_finds_nothing_wrong(start: Start) -> None:
+def test_gymnasium_checker_passes(start: Start) -> None:
     # It warns of smaller ones.
     program = start(1, 48, 36)
     make = partial(

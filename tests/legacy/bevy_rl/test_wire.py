@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
+import time
 from collections.abc import Generator
 from contextlib import contextmanager
 
@@ -12,8 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ludus.errors import EngineCrashed, EngineTimeout, GameError, LudusError, ProtocolError
-from ludus.legacy.bevy_rl.client import Client
-from ludus.legacy.bevy_rl.connection import Connection, Response
+from ludus.legacy.bevy_rl.game import Client
+from ludus.legacy.bevy_rl.http import HttpConversation, HttpFraming, Response
 
 _DEADLINE_S = 10.0
 _FUZZ = settings(
@@ -23,9 +24,9 @@ _FUZZ = settings(
 
 @contextmanager
 def _server(
-    *answers: bytes, piece: int = 1 << 20, stays: bool = False, timeout_s: float = _DEADLINE_S
-) -> Generator[Connection]:
-    """Yield a connection to a server that sends bytes, in pieces, for each request."""
+    *answers: bytes, stays: bool = False, timeout_s: float = _DEADLINE_S
+) -> Generator[HttpConversation]:
+    """Yield a conversation with a server that sends bytes for each request."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
         listener.settimeout(_DEADLINE_S)
         is_over = threading.Event()
@@ -34,12 +35,10 @@ def _server(
             accepted, _ = listener.accept()
             with accepted:
                 accepted.settimeout(_DEADLINE_S)
-                accepted.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 try:
                     for answer in answers:
                         accepted.recv(65536)
-                        for start in range(0, len(answer), piece):
-                            accepted.sendall(answer[start : start + piece])
+                        accepted.sendall(answer)
                 except OSError:
                     return
                 if stays:
@@ -47,19 +46,22 @@ def _server(
 
         thread = threading.Thread(target=serve)
         thread.start()
-        connection = Connection("127.0.0.1", listener.getsockname()[1], _DEADLINE_S, timeout_s)
+        conversation = HttpConversation(listener.getsockname(), _DEADLINE_S, timeout_s)
         try:
-            yield connection
+            yield conversation
         finally:
-            connection.close()
+            conversation.close()
             is_over.set()
             thread.join(_DEADLINE_S)
             assert not thread.is_alive()
 
 
-def _ask(connection: Connection) -> Response:
-    connection.send(connection.request("GET", "/state"))
-    return connection.receive()
+def _ask(conversation: HttpConversation) -> Response:
+    return conversation.ask(conversation.request("GET", "/state"), _itself)
+
+
+def _itself(response: Response) -> Response:
+    return response
 
 
 @given(
@@ -73,17 +75,23 @@ def test_answers_are_read_however_they_are_cut(
     body: bytes, status: int, piece: int, product: str
 ) -> None:
     head = f"HTTP/1.1 {status} Text\r\nServer: {product}\r\nCONTENT-LENGTH:  {len(body)}\r\n\r\n"
-    with _server(head.encode() + body, piece=piece) as connection:
-        assert _ask(connection) == Response(status, product, body)
+    framing, answers = HttpFraming(), list[Response]()
+    data = (head.encode() + body) * 2
+    for start in range(0, len(data), piece):
+        framing.feed(data[start : start + piece])
+        while (answer := framing.take()) is not None:
+            answers.append(answer)
+    assert answers == [Response(status, product, body)] * 2
+    assert not framing.has_pending
 
 
 @given(answer=st.binary(max_size=200), is_begun=st.booleans())
 @_FUZZ
 def test_only_documented_errors_come_of_anything_else(answer: bytes, is_begun: bool) -> None:
     begin = b"HTTP/1.1 200 OK\r\ncontent-length: 5\r\n" if is_begun else b""
-    with _server(begin + answer) as connection:
+    with _server(begin + answer) as server:
         try:
-            Client(connection, with_pixels=False)
+            Client(server, with_pixels=False)
         except LudusError as error:
             assert isinstance(error, EngineCrashed | EngineTimeout | ProtocolError | GameError)
 
@@ -99,26 +107,35 @@ def test_only_documented_errors_come_of_anything_else(answer: bytes, is_begun: b
         b"x" * 100_000,
     ],
 )
-def test_what_is_no_such_http_is_refused(answer: bytes) -> None:
-    with _server(answer, stays=True) as connection, pytest.raises(ProtocolError, match="no HTTP"):
-        _ask(connection)
+def test_other_http_is_refused(answer: bytes) -> None:
+    with (
+        _server(answer, stays=True) as server,
+        pytest.raises(ProtocolError, match="not an HTTP"),
+    ):
+        _ask(server)
 
 
 def test_an_answer_that_stops_is_reported() -> None:
     answer = b"HTTP/1.1 200 OK\r\ncontent-length: 9\r\n\r\n[1"
-    with _server(answer) as connection, pytest.raises(EngineCrashed, match="has gone"):
-        _ask(connection)
     with (
-        _server(answer, stays=True, timeout_s=0.5) as connection,
+        _server(answer) as server,
+        pytest.raises(EngineCrashed, match="closed the connection"),
+    ):
+        _ask(server)
+    with (
+        _server(answer, stays=True, timeout_s=0.5) as server,
         pytest.raises(EngineTimeout, match=r"0\.5 s"),
     ):
-        _ask(connection)
+        _ask(server)
 
 
 def test_reasons_that_come_as_text_are_told() -> None:
     answer = b"HTTP/1.1 200 OK\r\ncontent-length: 25\r\n\r\nInvalid number of actions"
-    with _server(answer) as connection, pytest.raises(GameError, match="Invalid number of actions"):
-        Client(connection, with_pixels=False)
+    with (
+        _server(answer) as server,
+        pytest.raises(GameError, match="Invalid number of actions"),
+    ):
+        Client(server, with_pixels=False)
 
 
 @pytest.mark.parametrize(
@@ -127,7 +144,33 @@ def test_reasons_that_come_as_text_are_told() -> None:
 def test_agents_of_another_form_are_refused(body: bytes) -> None:
     state = b"HTTP/1.1 200 OK\r\ncontent-length: 2\r\n\r\n{}"
     agents = b"HTTP/1.1 200 OK\r\ncontent-length: %d\r\n\r\n%b" % (len(body), body)
-    with _server(state, agents, stays=True) as connection:
-        client = Client(connection, with_pixels=False)
+    with _server(state, agents, stays=True) as server:
+        client = Client(server, with_pixels=False)
         with pytest.raises(ProtocolError, match="expected a list"):
             client.reset()
+
+
+@pytest.mark.parametrize("head", [b"", b"connection: close\r\n"], ids=["silently", "announced"])
+def test_connection_closed_between_requests_is_reopened(head: bytes) -> None:
+    answer = b"HTTP/1.1 200 OK\r\n" + head + b"content-length: 2\r\n\r\n{}"
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        listener.settimeout(_DEADLINE_S)
+
+        def serve() -> None:
+            for _ in range(2):
+                accepted, _address = listener.accept()
+                with accepted:
+                    accepted.settimeout(_DEADLINE_S)
+                    accepted.recv(65536)
+                    accepted.sendall(answer)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        conversation = HttpConversation(listener.getsockname(), _DEADLINE_S, _DEADLINE_S)
+        assert _ask(conversation) == Response(200, "", b"{}")
+        while not head and not conversation.is_stale:
+            time.sleep(0.01)
+        assert _ask(conversation) == Response(200, "", b"{}")
+        conversation.close()
+        thread.join(_DEADLINE_S)
+        assert not thread.is_alive()

@@ -21,11 +21,11 @@ from ludus.engine import (
     godot_command,
     read_project,
 )
+from ludus.engine.project import RUN_SCENE
 from ludus.link import Link, Listener
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.runs.metrics import read_metrics
 from ludus.session import LaunchOptions
-from ludus.session.opening import RUN_SCENE
 from ludus.settings.train_config import TrainConfig
 from ludus.spec.batch import ActionBatch, Batches
 from ludus.training.loop import train

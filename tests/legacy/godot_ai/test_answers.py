@@ -138,22 +138,22 @@ def test_whole_floats_count_as_integers(client: Client) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"state_dim": 0}, "state_dim must be from 1 to 1000000, not 0"),
-        ({"action_dim": -1}, "action_dim must be from 1"),
-        ({"hidden_size": 2.5}, "hidden_size must be a whole number, not 2.5"),
-        ({"batchsize": "500"}, "batchsize must be a whole number, not '500'"),
-        ({"batchsize": True}, "batchsize must be a whole number, not True"),
-        ({"replay_capacity": None}, "replay_capacity must be a whole number, not None"),
-        ({"num_actor_layers": 10**400}, "num_actor_layers must be"),
-        ({"file_name": "../hero"}, "file_name must be a name"),
-        ({"file_name": ".hero"}, "file_name must be a name"),
-        ({"file_name": ""}, "file_name must be a name"),
-        ({"file_name": 3}, "file_name must be a text"),
+        ({"state_dim": 0}, "state_dim: expected 1 to 1000000, got 0"),
+        ({"action_dim": -1}, "action_dim: expected 1 to"),
+        ({"hidden_size": 2.5}, "hidden_size: expected an integer, got 2.5"),
+        ({"batchsize": "500"}, "batchsize: expected an integer, got '500'"),
+        ({"batchsize": True}, "batchsize: expected an integer, got True"),
+        ({"replay_capacity": None}, "replay_capacity: expected an integer, got None"),
+        ({"num_actor_layers": 10**400}, "num_actor_layers: expected"),
+        ({"file_name": "../hero"}, "file_name: expected a name"),
+        ({"file_name": ".hero"}, "file_name: expected a name"),
+        ({"file_name": ""}, "file_name: expected a name"),
+        ({"file_name": 3}, "file_name: expected a text"),
         ({"replay_capacity": 10**9, "state_dim": 10**4}, "GB"),
         ({"hidden_size": 16_000, "num_critic_layers": 60}, "parameters"),
     ],
 )
-def test_a_wrong_init(client: Client, changes: dict[str, Any], message: str) -> None:
+def test_wrong_init_changes_nothing(client: Client, changes: dict[str, Any], message: str) -> None:
     answer = client.init(**{"file_name": "other", **changes})
     assert answer["done"] is False
     assert message in answer["error"]
@@ -161,13 +161,13 @@ def test_a_wrong_init(client: Client, changes: dict[str, Any], message: str) -> 
     assert client.train(1) == DONE  # hero has not noticed
 
 
-def test_a_missing_field(client: Client) -> None:
+def test_missing_field_is_named(client: Client) -> None:
     answer = client.ask("init", file_name="other")
-    assert answer["error"].startswith("init: state_dim is missing; it has command, file_name")
+    assert answer["error"].startswith("init.state_dim: missing")
 
 
 @pytest.mark.parametrize("command", ["fly", "", None, 3, ["init"], {}])
-def test_an_unknown_command(client: Client, command: Any) -> None:
+def test_unknown_command_lists_the_known(client: Client, command: Any) -> None:
     client.send(json.dumps({"command": command}).encode())
     assert "there is no command" in client.receive()["error"]
     client.send(b"{}")
@@ -184,7 +184,7 @@ def test_an_unknown_command(client: Client, command: Any) -> None:
         ("get_action", {"state": STATE}, "action"),
     ],
 )
-def test_an_unknown_agent(client: Client, command: str, values: Any, key: str) -> None:
+def test_unknown_agent_lists_the_known(client: Client, command: str, values: Any, key: str) -> None:
     answer = client.ask(command, file_name="nobody", **values)
     assert "there is no agent 'nobody'; agents: hero" in answer["error"]
     assert key in answer, "an unmodified game reads it"
@@ -204,7 +204,7 @@ def test_an_unknown_agent(client: Client, command: str, values: Any, key: str) -
         ("123", "hero must be a list of numbers"),
     ],
 )
-def test_wrong_states(client: Client, states: Any, message: str) -> None:
+def test_wrong_states_get_zero_actions(client: Client, states: Any, message: str) -> None:
     client.init(file_name="target")
     answer = client.act({"hero": states, "target": STATE}, {})
     assert message in answer["error"]
@@ -216,7 +216,7 @@ def test_wrong_states(client: Client, states: Any, message: str) -> None:
 
 
 @pytest.mark.parametrize("state", [[1.0], STATE * 2, [1.0, None, 2.0], [], None, {}])
-def test_a_wrong_state_of_one_agent(client: Client, state: Any) -> None:
+def test_wrong_state_gets_a_zero_action(client: Client, state: Any) -> None:
     answer = client.ask("get_action", file_name="hero", state=state)
     assert "state" in answer["error"]
     assert answer["action"] == [0.0, 0.0]
@@ -229,7 +229,7 @@ def test_states_of_an_unknown_agent(client: Client) -> None:
 
 
 @pytest.mark.parametrize("table", [3, {"hero": "yes"}])
-def test_a_wrong_map(client: Client, table: Any) -> None:
+def test_wrong_deterministic_map_is_named(client: Client, table: Any) -> None:
     assert "deterministic_map" in client.act({"hero": STATE}, table)["error"]
 
 
@@ -243,9 +243,9 @@ def test_a_wrong_map(client: Client, table: Any) -> None:
         ({"reward": None}, "replays[3].reward[0] is NaN"),
         ({"reward": 1e39}, "replays[3].reward[0] is infinite"),
         ({"reward": "1"}, "replays[3].reward[0] must be a number"),
-        ({"done": 2}, "replays[3]: done must be 0 or 1, not 2"),
+        ({"done": 2}, "replays[3].done: expected 0 or 1, got 2"),
         ({"agent_name": "nobody"}, "replays[3]: there is no agent 'nobody'"),
-        ({"agent_name": 3}, "replays[3]: agent_name must be a text, not 3"),
+        ({"agent_name": 3}, "replays[3].agent_name: expected a text, got 3"),
     ],
 )
 def test_wrong_replays_are_left_out_and_the_others_kept(
@@ -263,24 +263,26 @@ def test_wrong_replays_are_left_out_and_the_others_kept(
 
 
 @pytest.mark.parametrize("rows", [3, None, {}])
-def test_no_list_of_replays(client: Client, rows: Any) -> None:
-    assert "replays must be a list" in client.submit(rows)["error"]
+def test_replays_must_be_a_list(client: Client, rows: Any) -> None:
+    assert "replays: expected a list" in client.submit(rows)["error"]
 
 
 def test_a_replay_that_is_no_object_or_lacks_a_part(client: Client) -> None:
     row = replays(1)[0]
     del row["state_"]
     answer = client.submit([5, row])
-    assert answer["error"].startswith("2 of 2 replays were left out: replays[0] must be an object")
-    assert "replays[0]: state_ is missing" in client.submit([row])["error"]
+    assert answer["error"].startswith(
+        "2 of 2 replays were left out: replays[0]: expected an object"
+    )
+    assert "replays[0].state_: missing" in client.submit([row])["error"]
 
 
 @pytest.mark.parametrize("steps", [-1, 1e300, None, "1", 0.5])
-def test_wrong_steps(client: Client, steps: Any) -> None:
-    assert "train: steps must be" in client.train(steps)["error"]
+def test_steps_must_be_a_count(client: Client, steps: Any) -> None:
+    assert "train.steps: expected" in client.train(steps)["error"]
 
 
-def test_a_wrong_checkpoint_name(client: Client) -> None:
+def test_checkpoint_name_must_be_a_name(client: Client) -> None:
     client.submit(replays(20))
     assert "checkpoint_name" in client.train(1, checkpoint_name="../x")["error"]
     assert client.train(1, checkpoint_name="") == DONE
@@ -317,14 +319,14 @@ def test_a_bulk_folder_that_leads_outside_is_not_written_to(client: Client, tmp_
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "is no JSON"),
-        (b"[]", "must hold an object"),
-        (b'{"hero": [1, 2,', "is no JSON"),
-        (b"\xff\xfe", "is no JSON"),
-        (b"[" * 100_000, "is no JSON"),
+        (b"", "is not JSON"),
+        (b"[]", "expected an object"),
+        (b'{"hero": [1, 2,', "is not JSON"),
+        (b"\xff\xfe", "is not JSON"),
+        (b"[" * 100_000, "is not JSON"),
     ],
 )
-def test_broken_files(client: Client, content: bytes, message: str) -> None:
+def test_broken_files_give_no_actions(client: Client, content: bytes, message: str) -> None:
     client.act({"hero": STATE}, {})
     (client.project / STATES).write_bytes(content)
     answer = client.ask("get_batch_actions", path=STATES, deterministic_map={})
@@ -333,11 +335,11 @@ def test_broken_files(client: Client, content: bytes, message: str) -> None:
     assert actions == {"hero": []}, "actions of another step must not be taken for these"
 
 
-def test_missing_files(client: Client) -> None:
+def test_missing_files_are_named(client: Client) -> None:
     assert "there is no file" in client.ask("submit_batch_replay", path=REPLAYS)["error"]
     answer = client.ask("submit_batch_replay", path="AIServerCommFiles")
     assert "there is no file" in answer["error"]
-    assert "path is missing" in client.ask("submit_batch_replay")["error"]
+    assert "path: missing" in client.ask("submit_batch_replay")["error"]
 
 
 def test_paths_of_the_resource_system(client: Client) -> None:

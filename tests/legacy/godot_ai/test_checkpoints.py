@@ -118,7 +118,7 @@ def test_other_settings_are_refused_and_nothing_is_lost(start: Start, project: P
         answer = client.ask("load", file_name="hero")
         assert answer["done"] is False
         assert message in answer["error"]
-        assert "hero begins anew" in answer["error"]
+        assert "hero starts over" in answer["error"]
         running.stop()
     assert steps(project) == ["10"]
     assert weights(begin(start, is_loaded=True))

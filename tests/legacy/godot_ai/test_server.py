@@ -70,12 +70,12 @@ def test_strangers_are_told_and_dropped(start: Start, data: bytes) -> None:
     running = start()
     stranger, game = running.client(), running.client()
     stranger.send(data)
-    assert "hint: something that is no godot-ai game" in stranger.receive()["error"]
+    assert "hint: something other than a godot-ai game" in stranger.receive()["error"]
     assert stranger.is_dropped()
     assert game.init() == DONE
 
 
-def test_half_a_message_for_ever(start: Start, caplog: pytest.LogCaptureFixture) -> None:
+def test_half_a_message_times_out(start: Start, caplog: pytest.LogCaptureFixture) -> None:
     running = start(message_timeout_s=1.0)
     idle, slow = running.client(), running.client()
     slow.send(b'{"command": ')
@@ -89,7 +89,7 @@ def test_half_a_message_for_ever(start: Start, caplog: pytest.LogCaptureFixture)
     assert idle.init() == DONE, "silence between messages is no fault"
 
 
-def test_an_endless_message(start: Start) -> None:
+def test_endless_message_is_refused(start: Start) -> None:
     client = start().client()
     piece = b'{"command": "' + b"x" * 300_000
     client.send(piece)
@@ -120,7 +120,7 @@ def test_a_client_that_does_not_wait_for_its_answers(
     client.send(json.dumps({"command": "train", "file_name": "hero", "steps": 30}).encode())
     client.close()
     # What two clients say comes in no order.
-    wait_for("has gone|the connection has ended", caplog)
+    wait_for("has gone|closed the connection|the connection has ended", caplog)
     again = running.client()
     assert again.train(1) == DONE
     assert saved_steps(running.project) == 31
@@ -218,7 +218,7 @@ def test_stopping_ends_connections_and_training_and_saves(start: Start) -> None:
     assert 1 < saved_steps(running.project) < 10**6
 
 
-def test_a_folder_that_is_no_game(
+def test_folder_without_a_game_is_reported(
     start: Start, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     with pytest.raises(TargetError, match="there is no folder"):

@@ -13,8 +13,8 @@ from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 
 from ludus.errors import ActionError, ConfigError, GameError, SequenceError, UsageError
+from ludus.legacy.env import LegacyEnv
 from ludus.legacy.godot_gym_api import Data, GodotClient, GodotEnvironment
-from ludus.legacy.godot_gym_api.env import GodotGymApiEnv
 from ludus.legacy.godot_gym_api.messages import State
 from tests.legacy.godot_gym_api.compiled import APPLE_SEEKER, WALK
 from tests.legacy.godot_gym_api.conftest import ALL, WALK_SPACES, Opener
@@ -23,7 +23,7 @@ from tests.legacy.godot_gym_api.fake_game import CONVERSATION, Walk, answering, 
 HALF = np.float32(0.5)
 
 
-def test_a_recorded_conversation(opener: Opener) -> None:
+def test_recorded_conversation_is_replayed(opener: Opener) -> None:
     """godot_gym_api's own apple seeker under Godot 3.6.2 said this."""
     lines = [json.loads(line) for line in CONVERSATION.read_text().splitlines()]
     with playing(replay) as address:
@@ -54,7 +54,7 @@ def endless(_state: State) -> float:
     return np.inf
 
 
-def test_the_recorded_game_as_an_environment(opener: Opener) -> None:
+def test_recorded_game_as_an_environment(opener: Opener) -> None:
     distances = spaces.Box(0.0, 5.0, (16,))
     with playing(replay) as address:
         env = opener.env(
@@ -66,8 +66,8 @@ def test_the_recorded_game_as_an_environment(opener: Opener) -> None:
             engine_address=address,
             configuration={"environment": {"repeat_action": 4}},
         )
-        assert isinstance(env.unwrapped, GodotGymApiEnv)
-        env.unwrapped.configure({"environment": {"time_speed": 4.0}})
+        assert isinstance(env.unwrapped, LegacyEnv)
+        env.unwrapped.game.methods["configure"]({"environment": {"time_speed": 4.0}})
         env.reset()
         for action in (0, 0, 0, 3, 3, 1, 2):
             observation, reward, terminated, truncated, _ = env.step(np.int64(action))
@@ -98,7 +98,7 @@ class Original(GodotEnvironment):
 
 
 @pytest.mark.parametrize("is_documented", [True, False])
-def test_a_class_that_was_written_for_the_original(*, is_documented: bool) -> None:
+def test_class_written_for_the_original_works(*, is_documented: bool) -> None:
     walk = Walk(is_documented=is_documented)
     with playing(answering(walk)) as address:
         env = Original(address)
@@ -135,7 +135,7 @@ def test_configurations_are_answered_or_not(opener: Opener, *, is_documented: bo
     assert configs[2] == {"environment": {"time_speed": 0.5}}
 
 
-def test_answers_in_json(opener: Opener) -> None:
+def test_json_answers_have_fields(opener: Opener) -> None:
     with playing(answering(Walk())) as address:
         client = opener.client(engine_address=address)
         state = client.reset(ALL)
@@ -172,7 +172,7 @@ def test_protobuf_and_json_are_told_apart(opener: Opener) -> None:
         client.close()
 
 
-def test_gymnasium_finds_nothing_wrong(opener: Opener) -> None:
+def test_gymnasium_checker_passes(opener: Opener) -> None:
     space = spaces.Dict(
         {"place": spaces.Box(-100.0, 100.0, ()), "picture": spaces.Box(0, 255, (1, 3), np.uint8)}
     )
@@ -182,7 +182,7 @@ def test_gymnasium_finds_nothing_wrong(opener: Opener) -> None:
         env.close()
 
 
-def test_episodes_and_options(opener: Opener) -> None:
+def test_reset_options_configure_the_game(opener: Opener) -> None:
     walk = Walk()
     with playing(answering(walk)) as address:
         env = opener.env(engine_address=address, requested_observation={"agent": ["place"]})
@@ -211,7 +211,7 @@ def test_episodes_and_options(opener: Opener) -> None:
         (spaces.MultiDiscrete([2, 3]), np.array([1, 2]), [1, 2]),
     ],
 )
-def test_actions_are_sent_plainly(opener: Opener, space: Any, action: Any, sent: Any) -> None:
+def test_actions_are_sent_as_plain_json(opener: Opener, space: Any, action: Any, sent: Any) -> None:
     requests: list[Any] = []
 
     def answer(request: dict[str, Any]) -> bytes:
@@ -229,7 +229,7 @@ def test_actions_are_sent_plainly(opener: Opener, space: Any, action: Any, sent:
 @pytest.mark.parametrize(
     "action", [np.zeros(2), [np.nan], "left", None, {}, [[1], [2, 3]]], ids=str
 )
-def test_actions_that_do_not_fit(opener: Opener, action: Any) -> None:
+def test_misfitting_action_leaves_the_game_running(opener: Opener, action: Any) -> None:
     with playing(answering(Walk())) as address:
         env = opener.env(engine_address=address).unwrapped
         env.reset()
@@ -240,10 +240,10 @@ def test_actions_that_do_not_fit(opener: Opener, action: Any) -> None:
 
 
 @pytest.mark.parametrize("action", [float("nan"), {1, 2}, np.float32(1.0), b"left"], ids=str)
-def test_requests_that_are_no_json(opener: Opener, action: Any) -> None:
+def test_requests_must_be_json(opener: Opener, action: Any) -> None:
     with playing(answering(Walk())) as address:
         client = opener.client(engine_address=address)
-        with pytest.raises(ActionError, match="no JSON"):
+        with pytest.raises(ActionError, match="not JSON"):
             client.step(action, ALL)
         assert client.step(0.5, ALL)["agent"].place == 0.5
         client.close()
@@ -265,12 +265,14 @@ def test_requests_that_are_no_json(opener: Opener, action: Any) -> None:
         ({"speed": 3}, "unknown argument speed"),
     ],
 )
-def test_arguments_that_cannot_be_used(opener: Opener, settings: dict[str, Any], what: str) -> None:
+def test_unusable_arguments_are_refused(
+    opener: Opener, settings: dict[str, Any], what: str
+) -> None:
     with pytest.raises(ConfigError, match=what):
         opener.env(**settings)
 
 
-def test_configurations_that_cannot_be_used(opener: Opener) -> None:
+def test_unknown_configuration_is_refused(opener: Opener) -> None:
     with playing(answering(Walk())) as address:
         client = opener.client(engine_address=address)
         with pytest.raises(ConfigError, match="unknown part 'agnet' of a configuration"):
@@ -289,13 +291,15 @@ def test_configurations_that_cannot_be_used(opener: Opener) -> None:
     [
         (spaces.Box(0, 1, ()), {"far": 1}, "neither agent nor world sent a field called 'place'"),
         (spaces.Box(0, 1, (2,)), {"place": [1]}, r"shape \[1\] instead of \[2\]"),
-        (spaces.Box(0, 1, (2,)), {"place": [1, None]}, "something that is no number: None"),
-        (spaces.Box(0, 1, (2,)), {"place": "ab"}, "something that is no number: 'ab'"),
+        (spaces.Box(0, 1, (2,)), {"place": [1, None]}, "something that is not a number: None"),
+        (spaces.Box(0, 1, (2,)), {"place": "ab"}, "something that is not a number: 'ab'"),
         (spaces.Box(0, 1, (2,)), {"place": {"$bytes": "AAAA"}}, r"shape \[3\] instead of \[2\]"),
         (spaces.Box(0, 1, (2,)), {"place": [1, float("nan")]}, r"nan at \[1\]"),
     ],
 )
-def test_observations_that_do_not_fit(opener: Opener, space: Any, fields: Any, what: str) -> None:
+def test_misfitting_observation_names_the_field(
+    opener: Opener, space: Any, fields: Any, what: str
+) -> None:
     answer = json.dumps({"agent_data": fields}).encode()
     with playing(answering(lambda _: answer)) as address:
         env = opener.env(engine_address=address, observation_space=spaces.Dict({"place": space}))
@@ -303,7 +307,7 @@ def test_observations_that_do_not_fit(opener: Opener, space: Any, fields: Any, w
             env.reset()
 
 
-def test_a_reward_that_is_not_finite(opener: Opener) -> None:
+def test_infinite_reward_is_an_error(opener: Opener) -> None:
     with playing(answering(Walk())) as address:
         env = opener.env(engine_address=address, get_reward=endless)
         env.reset()
@@ -311,7 +315,7 @@ def test_a_reward_that_is_not_finite(opener: Opener) -> None:
             env.step(HALF)
 
 
-def test_the_names_of_the_original() -> None:
+def test_names_of_the_original_are_there() -> None:
     assert (GodotClient.CONFIG_KEY, GodotClient.RESET_KEY) == ("config", "reset")
     assert (GodotClient.ACTION_KEY, GodotClient.OBSERVATION_KEY) == ("action", "observation")
     assert (GodotClient.DEFAULT_TIME_SPEED, GodotClient.DEFAULT_REPEAT_ACTION) == (1.0, 4)

@@ -24,7 +24,7 @@ from ludus.errors import (
     TargetError,
 )
 from ludus.legacy.godot_gym_api import GodotClient
-from ludus.legacy.godot_gym_api.ports import free_port
+from ludus.legacy.godot_gym_api.connecting import free_port
 from tests.legacy.godot_gym_api.compiled import WALK
 from tests.legacy.godot_gym_api.conftest import ALL, Opener, left_processes
 from tests.legacy.godot_gym_api.fake_game import Serve, Walk, answering, playing, read_request
@@ -60,7 +60,7 @@ def frame(payload: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("serve", [hang_up, hang_up_at_once])
-def test_a_game_that_hangs_up(opener: Opener, serve: Serve) -> None:
+def test_hung_up_game_is_a_crash(opener: Opener, serve: Serve) -> None:
     with playing(serve) as address:
         client = opener.client(engine_address=address)
         with pytest.raises(EngineCrashed, match=r"closed the connection|reset|Broken pipe"):
@@ -73,18 +73,18 @@ def test_a_game_that_hangs_up(opener: Opener, serve: Serve) -> None:
 @pytest.mark.parametrize(
     ("answer", "what"),
     [
-        (b"\xff\xfe", r"the answer is no JSON: b'\xff\xfe'"),
-        (b"{]", "something that is no JSON"),
+        (b"\xff\xfe", r"the answer is not JSON: b'\xff\xfe'"),
+        (b"{]", "something that is not JSON"),
         (b'{"agent_data": 3}', "agent_data must be a JSON object"),
         (b'{"world_data": [1]}', "world_data must be a JSON object"),
-        (b'{"agent_data": {"a": {"$bytes": 3}}}', "$bytes is no text"),
-        (b'{"agent_data": {"a": {"$bytes": "?"}}}', "$bytes is no base 64"),
-        (b'{"agent_data": ' + b"[" * 100_000, "no JSON"),
-        (b'{"agent_data": {"a": ' + b'{"b":' * 990 + b"1" + b"}" * 992, "no JSON"),
+        (b'{"agent_data": {"a": {"$bytes": 3}}}', "$bytes is not a text"),
+        (b'{"agent_data": {"a": {"$bytes": "?"}}}', "$bytes is not base 64"),
+        (b'{"agent_data": ' + b"[" * 100_000, "not JSON"),
+        (b'{"agent_data": {"a": ' + b'{"b":' * 990 + b"1" + b"}" * 992, "not JSON"),
         (WALK.Message(agent_data={"place": 1.0}).SerializeToString(), "give the compiled module"),
     ],
 )
-def test_answers_that_are_no_json(opener: Opener, answer: bytes, what: str) -> None:
+def test_invalid_json_answers_are_refused(opener: Opener, answer: bytes, what: str) -> None:
     with playing(bytes_after_a_request(frame(answer))) as address:
         client = opener.client(engine_address=address)
         with pytest.raises(ProtocolError) as caught:
@@ -97,15 +97,15 @@ def test_answers_that_are_no_json(opener: Opener, answer: bytes, what: str) -> N
 
 
 @pytest.mark.parametrize("answer", [b"\x0a\x05\x01", b"\xff" * 11, b"\x0b"])
-def test_answers_that_are_no_protobuf(opener: Opener, answer: bytes) -> None:
+def test_invalid_protobuf_answers_are_refused(opener: Opener, answer: bytes) -> None:
     with playing(bytes_after_a_request(frame(answer))) as address:
         client = opener.client(WALK, address)
-        with pytest.raises(ProtocolError, match="no such protobuf message") as caught:
+        with pytest.raises(ProtocolError, match="not such a protobuf message") as caught:
             client.reset(ALL)
         assert "same message.proto" in caught.value.hint
 
 
-def test_an_answer_that_is_too_long(opener: Opener) -> None:
+def test_announced_length_is_limited(opener: Opener) -> None:
     with playing(bytes_after_a_request(HUGE.to_bytes(4, "little"))) as address:
         client = opener.client(engine_address=address)
         with pytest.raises(ProtocolError, match=f"{HUGE} bytes is announced") as caught:
@@ -113,7 +113,7 @@ def test_an_answer_that_is_too_long(opener: Opener) -> None:
         assert "max_answer_bytes" in caught.value.hint
 
 
-def test_the_longest_answer(opener: Opener) -> None:
+def test_answer_limit_is_exact(opener: Opener) -> None:
     answer = b'{"agent_data": {"a": "' + b"x" * 970 + b'"}}'
     for limit, is_taken in ((len(answer), True), (len(answer) - 1, False)):
         with playing(answering(lambda _: answer)) as address:
@@ -126,7 +126,7 @@ def test_the_longest_answer(opener: Opener) -> None:
             client.close()
 
 
-def test_a_byte_at_a_time(opener: Opener) -> None:
+def test_messages_are_read_byte_by_byte(opener: Opener) -> None:
     data = frame(b'{"agent_data": {"a": 7}}')
     with playing(bytes_after_a_request(data, 0.005)) as address:
         client = opener.client(engine_address=address)
@@ -135,7 +135,7 @@ def test_a_byte_at_a_time(opener: Opener) -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"\x09", frame(b"{}")[:-1]], ids=["none", "half", "most"])
-def test_a_game_that_never_answers(opener: Opener, data: bytes) -> None:
+def test_silent_game_times_out(opener: Opener, data: bytes) -> None:
     with playing(bytes_after_a_request(data)) as address:
         client = opener.client(engine_address=address, step_timeout_s=0.6)
         began = time.monotonic()
@@ -145,7 +145,7 @@ def test_a_game_that_never_answers(opener: Opener, data: bytes) -> None:
         assert "one client at a time" in caught.value.hint
 
 
-def test_an_answer_that_nobody_asked_for(opener: Opener) -> None:
+def test_unsolicited_answer_is_refused(opener: Opener) -> None:
     with playing(bytes_after_a_request(frame(b"{}") * 2)) as address:
         client = opener.client(engine_address=address)
         client.reset(ALL)
@@ -154,7 +154,7 @@ def test_an_answer_that_nobody_asked_for(opener: Opener) -> None:
             client.reset(ALL)
 
 
-def test_a_game_that_comes_late(opener: Opener) -> None:
+def test_late_game_is_waited_for(opener: Opener) -> None:
     with free_port("127.0.0.1") as port:
         late = (
             "import socket, time; time.sleep(1.0); "
@@ -166,7 +166,7 @@ def test_a_game_that_comes_late(opener: Opener) -> None:
     assert client.reset(ALL)["agent"] == {}
 
 
-def test_a_game_that_never_comes(opener: Opener) -> None:
+def test_start_timeout_says_who_connected(opener: Opener) -> None:
     with free_port("127.0.0.1") as port:
         address = ("127.0.0.1", port)
         began = time.monotonic()
@@ -184,14 +184,14 @@ def test_a_game_that_never_comes(opener: Opener) -> None:
 @pytest.mark.parametrize(
     ("command", "code"), [("echo ERROR: no such scene; exit 3;", 3), ("there-is-no-such", 127)]
 )
-def test_a_command_that_ends(opener: Opener, command: str, code: int) -> None:
+def test_command_that_ends_is_a_crash(opener: Opener, command: str, code: int) -> None:
     with pytest.raises(EngineCrashed, match=f"exit code {code}") as caught:
         opener.client(engine_address=("127.0.0.1", 0), command=command)
     assert code != 3 or "! ERROR: no such scene" in str(caught.value)
     assert left_processes() == []
 
 
-def test_an_address_that_is_taken(opener: Opener) -> None:
+def test_taken_address_is_a_start_error(opener: Opener) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         address = other.getsockname()
         with pytest.raises(EngineStartError, match=r"something listens at .* already") as caught:
@@ -201,7 +201,7 @@ def test_an_address_that_is_taken(opener: Opener) -> None:
 
 
 @pytest.mark.parametrize("target", ["nowhere", "127.0.0.1:9090", sys.executable], ids=str)
-def test_a_target_that_is_no_project(opener: Opener, tmp_path: Path, target: str) -> None:
+def test_target_must_be_a_project(opener: Opener, tmp_path: Path, target: str) -> None:
     with pytest.raises(TargetError):
         opener.client(engine_address=("127.0.0.1", 0), target=target)
     with pytest.raises(TargetError):
@@ -236,7 +236,7 @@ GodotClient(None, ("127.0.0.1", 0), command="sleep 300 #")
 """
 
 
-def test_a_silent_game_goes_with_its_trainer() -> None:
+def test_silent_game_ends_with_a_killed_trainer() -> None:
     """Not even a pipe that breaks ends a game that prints nothing."""
     with subprocess.Popen([sys.executable, "-c", START_AND_WAIT]) as trainer:
         games: list[psutil.Process] = []
@@ -252,7 +252,7 @@ def test_a_silent_game_goes_with_its_trainer() -> None:
     assert psutil.wait_procs(games, timeout=30.0)[1] == []
 
 
-def test_leaving_the_block_closes(opener: Opener) -> None:
+def test_with_block_closes_the_client(opener: Opener) -> None:
     with playing(answering(Walk())) as address:
         with GodotClient(engine_address=address) as client:
             assert client.engine_address == address

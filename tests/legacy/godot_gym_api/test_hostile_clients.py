@@ -20,8 +20,8 @@ from hypothesis import strategies as st
 
 from ludus.engine import EngineProcess, LaunchConfig
 from ludus.legacy.godot_gym_api import GodotClient
-from ludus.legacy.godot_gym_api.ports import free_port
-from ludus.legacy.launching import project_command
+from ludus.legacy.godot_gym_api.connecting import free_port
+from ludus.legacy.launching import GameLaunch
 from tests.legacy.godot_gym_api.conftest import ALL
 
 pytestmark = pytest.mark.engine
@@ -100,7 +100,7 @@ def game(project: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ga
 
 
 def command(project: Path, port: int) -> tuple[str, ...]:
-    return project_command(project, (f"--ludus-port={port}",), 60, is_windowed=False)
+    return GameLaunch(target=project).command_line((f"--ludus-port={port}",))
 
 
 def frame(payload: bytes) -> bytes:
@@ -128,7 +128,10 @@ def read_answer(connection: socket.socket) -> dict[str, object]:
         (b"\xff\xff\xff\xff", "a request of 4294967295 bytes"),
         (b"\x01\0\0\x01", "a request of 16777217 bytes"),
         (b"GET / HTTP/1.1\r\n\r\n", "a request of 542393671 bytes"),
-        (frame(b"this is no JSON"), "a request must be a JSON object, this came: this is no JSON"),
+        (
+            frame(b"this is text"),
+            "a request must be a JSON object, this came: this is text",
+        ),
         (frame(b"[1]"), "a request must be a JSON object, this came: [1]"),
         (frame(b'{"action": NaN, "observation": {}}'), "a request must be a JSON object"),
         (frame(b"\xff\xfe\0\0"), "a request must be a JSON object"),
@@ -155,7 +158,7 @@ def test_what_is_no_request(game: Game, data: bytes, said: str) -> None:
 
 @settings(max_examples=120, deadline=None)
 @given(payload=PAYLOADS)
-def test_any_request(game: Game, payload: bytes) -> None:
+def test_any_request_is_json_or_refused(game: Game, payload: bytes) -> None:
     """It is answered, or ignored, or ends the connection."""
     with game.connect() as connection, contextlib.suppress(ConnectionError):
         connection.sendall(frame(payload) + frame(b'{"observation": {"moon": 1}}'))
@@ -167,7 +170,7 @@ def test_any_request(game: Game, payload: bytes) -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(data=st.binary(max_size=60))
-def test_any_bytes(game: Game, data: bytes) -> None:
+def test_any_bytes_are_cut_within_the_limit(game: Game, data: bytes) -> None:
     with game.connect() as connection, contextlib.suppress(ConnectionError):
         connection.sendall(data)
         connection.shutdown(socket.SHUT_WR)

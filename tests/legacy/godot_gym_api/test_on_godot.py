@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import shlex
-import signal
 import subprocess
 import sys
 import time
@@ -18,16 +16,14 @@ import pytest
 from ludus.engine import EngineKind, find_engine
 from ludus.errors import (
     EngineCrashed,
-    EngineError,
     EngineStartError,
-    EngineTimeout,
     GameError,
     ProtocolError,
 )
 from ludus.legacy.godot_gym_api import GodotClient
 from tests.legacy.godot_gym_api.compiled import WALK
 from tests.legacy.godot_gym_api.conftest import ALL, Opener, left_processes
-from tests.legacy.gymgodot.conftest import ROOT, command_of, started_processes
+from tests.legacy.gymgodot.conftest import ROOT, command_of
 
 pytestmark = pytest.mark.engine
 
@@ -157,7 +153,7 @@ def test_protobuf_without_a_module(opener: Opener, protobuf_project: Path) -> No
     assert "protobuf_message_module" in caught.value.hint
 
 
-def test_an_environment(opener: Opener, project: Path) -> None:
+def test_environment_steps_in_real_godot(opener: Opener, project: Path) -> None:
     env = opener.env(
         target=project,
         engine_address=ANYWHERE,
@@ -171,7 +167,7 @@ def test_an_environment(opener: Opener, project: Path) -> None:
         assert [result[2] for result in results] == [False] * 5 + [True]
 
 
-def test_a_shell_command(opener: Opener, project: Path) -> None:
+def test_shell_command_starts_the_game(opener: Opener, project: Path) -> None:
     program = find_engine(EngineKind.GODOT3).path
     command = f"cd {shlex.quote(str(project))} && exec {shlex.quote(str(program))}"
     client = opener.client(None, ANYWHERE, command=command)
@@ -181,33 +177,17 @@ def test_a_shell_command(opener: Opener, project: Path) -> None:
     assert left_processes() == []
 
 
-@pytest.mark.parametrize(
-    ("fault", "kind", "what"),
-    [
-        ("hang", EngineTimeout, "did not answer .*action.* within 4 s"),
-        ("quit", EngineCrashed, "exit code 9"),
-        ("nan", GameError, r"the observation\['place'\] .*nan"),
-        ("no_agent", EngineCrashed, "(?s)sent away: RLEnvironment.agent is not set"),
-    ],
-)
-def test_a_game_that_goes_wrong(
-    opener: Opener,
-    project: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    fault: str,
-    kind: type[EngineError],
-    what: str,
+def test_a_game_without_an_agent_says_so(
+    opener: Opener, project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("WALK_FAULT", fault)
-    env = opener.env(target=project, engine_address=ANYWHERE, step_timeout_s=4.0)
-    with pytest.raises(kind, match=what):
+    monkeypatch.setenv("WALK_FAULT", "no_agent")
+    env = opener.env(target=project, engine_address=ANYWHERE)
+    with pytest.raises(EngineCrashed, match=r"(?s)sent away: RLEnvironment\.agent is not set"):
         env.reset()
-        for _ in range(4):
-            env.step(np.float32(0.0))
     assert left_processes() == []
 
 
-def test_a_script_that_fails(
+def test_failed_script_is_reported(
     opener: Opener, project: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Godot goes on behind the line that failed: fields are missing, and the log says why."""
@@ -229,17 +209,6 @@ def test_other_machines_are_kept_out(
         started(opener, project, start_timeout_s=6.0)
 
 
-def test_a_killed_game(opener: Opener, project: Path) -> None:
-    client = started(opener, project)
-    client.reset(ALL)
-    (game,) = [child for child in psutil.Process().children() if "sleep" not in child.name()]
-    os.kill(game.pid, signal.SIGKILL)
-    with pytest.raises(EngineCrashed, match="SIGKILL"):
-        for _ in range(5):
-            client.step(0.0, ALL)
-    assert left_processes() == []
-
-
 START_AND_WAIT = """
 import sys
 from ludus.legacy.godot_gym_api import GodotClient
@@ -250,7 +219,7 @@ sys.stdin.read()
 """
 
 
-def test_the_game_goes_with_its_trainer(project: Path) -> None:
+def test_game_ends_with_a_killed_trainer(project: Path) -> None:
     """Even if the trainer is killed: a game for godot_gym_api would wait for the next client."""
     with subprocess.Popen(
         [sys.executable, "-c", START_AND_WAIT, str(project)],
@@ -266,11 +235,3 @@ def test_the_game_goes_with_its_trainer(project: Path) -> None:
         trainer.kill()
         trainer.wait(10.0)
     assert psutil.wait_procs(games, timeout=30.0)[1] == []
-
-
-def test_close_ends_the_game(opener: Opener, project: Path) -> None:
-    client = started(opener, project)
-    client.reset(ALL)
-    assert started_processes() != []
-    client.close()
-    assert left_processes() == []

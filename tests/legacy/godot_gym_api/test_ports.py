@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from ludus.errors import EngineStartError
-from ludus.legacy.godot_gym_api.ports import check_port_is_free, free_port
+from ludus.legacy.godot_gym_api.connecting import check_port_is_free, free_port
 
 HOST = "127.0.0.1"
 

@@ -106,7 +106,7 @@ FAULTS: dict[str, Callable[[ClientConnection], None]] = {
     "split": _split_for_ever,
     "twice": _answer_twice,
     "hang_up": lambda link: link.close(),
-    "nonsense": lambda link: link.send("this is no JSON"),
+    "nonsense": lambda link: link.send("this is not JSON"),
     "list": lambda link: link.send("[1, 2]"),
     "binary": lambda link: link.send(b"{}"),
     "huge": lambda link: link.send("[" + "1," * HUGE + "1]"),

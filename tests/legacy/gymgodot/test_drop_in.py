@@ -86,7 +86,7 @@ def test_every_frame_of_a_step_gets_the_action(project: Path) -> None:
         envs.close()
 
 
-def test_nothing_is_wrong_with_it(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_ludus_check_passes(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", str(project / "leaning.tscn"), "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     wrong = [finding for finding in report["findings"] if finding["status"] in {"warn", "fail"}]
@@ -107,7 +107,7 @@ def test_a_scene_that_does_not_say_what_an_action_is(project: Path) -> None:
         ('environmentNode = NodePath("..")', r"has no method apply_action\(\)"),
     ],
 )
-def test_a_node_that_leads_nowhere(project: Path, properties: str, what: str) -> None:
+def test_missing_environment_node_is_reported(project: Path, properties: str, what: str) -> None:
     text = (PROJECT / "walk.tscn").read_text()
     (project / "lost.tscn").write_text(NODE.sub(f"discrete_n = 2\n{properties}", text))
     with pytest.raises(TargetError, match=what):

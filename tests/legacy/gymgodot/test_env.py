@@ -16,7 +16,7 @@ from gymnasium.wrappers import TimeLimit
 from PIL import Image
 
 from ludus.errors import ActionError, ConfigError, SequenceError, UsageError
-from ludus.legacy.godot_gym_api.ports import free_port
+from ludus.legacy.godot_gym_api.connecting import free_port
 from tests.legacy.gymgodot.conftest import ROOT, Opener, fake_command, game_of, left_processes
 from tests.legacy.gymgodot.fake_game import CONVERSATION
 
@@ -28,7 +28,7 @@ CARTPOLE: dict[str, Any] = {
 HALF = np.array([0.5], np.float32)
 
 
-def test_a_recorded_conversation(opener: Opener, tmp_path: Path) -> None:
+def test_recorded_conversation_is_replayed(opener: Opener, tmp_path: Path) -> None:
     """GymGodot's own cart-pole under Godot 3.6.2 said this; its requests are the same."""
     Image.new("RGB", (4, 4)).save(tmp_path / "0.png")
     env = opener.fake("replay", **CARTPOLE, renderPath=f"{tmp_path}/")
@@ -53,7 +53,7 @@ def test_a_recorded_conversation(opener: Opener, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["ludus/GymGodot-v0", "server-v0"])
-def test_both_ids_and_the_old_arguments(opener: Opener, name: str, tmp_path: Path) -> None:
+def test_both_ids_take_the_old_arguments(opener: Opener, name: str, tmp_path: Path) -> None:
     env = gymnasium.make(
         name,
         serverIP="127.0.0.1",
@@ -75,7 +75,7 @@ def test_both_ids_and_the_old_arguments(opener: Opener, name: str, tmp_path: Pat
     env.close()
 
 
-def test_gymnasium_finds_nothing_wrong(opener: Opener) -> None:
+def test_gymnasium_checker_passes(opener: Opener) -> None:
     space = gymnasium.spaces.Box(-100.0, 100.0, (2,))
     env = opener.fake("walk", render_mode="rgb_array", observation_space=space)
     check_env(env.unwrapped, skip_close_check=True)
@@ -127,7 +127,7 @@ def test_temporary_frames_are_deleted(opener: Opener) -> None:
     assert not folder.exists()
 
 
-def test_several_at_once(opener: Opener) -> None:
+def test_environments_take_different_ports(opener: Opener) -> None:
     envs = [opener.fake("walk") for _ in range(3)]
     ports = {game_of(env).game.port for env in envs}
     assert len(ports) == 3
@@ -139,7 +139,7 @@ def test_several_at_once(opener: Opener) -> None:
     assert [env.step(HALF)[0][1] for env in envs] == [1.0, 2.0, 3.0]
 
 
-def test_a_vector_of_games(opener: Opener) -> None:
+def test_make_vec_starts_one_game_each(opener: Opener) -> None:
     envs = gymnasium.make_vec(
         "server-v0",
         num_envs=2,
@@ -156,7 +156,7 @@ def test_a_vector_of_games(opener: Opener) -> None:
         envs.close()
 
 
-def test_a_game_that_somebody_else_starts(opener: Opener) -> None:
+def test_game_started_by_hand_is_waited_for(opener: Opener) -> None:
     with free_port("127.0.0.1") as port:
         arguments = (f"--serverPort={port}", "--serverIP=127.0.0.1", "--renderPath=x")
         command = [sys.executable, "-m", "tests.legacy.gymgodot.fake_game", "patient", *arguments]
@@ -169,7 +169,7 @@ def test_a_game_that_somebody_else_starts(opener: Opener) -> None:
         assert game.wait(30.0) == 0
 
 
-def test_what_the_game_prints_is_kept(opener: Opener, tmp_path: Path) -> None:
+def test_log_path_gets_the_output(opener: Opener, tmp_path: Path) -> None:
     env = opener.fake("walk", log_path=tmp_path / "game.log")
     env.close()
     assert (tmp_path / "game.log").read_text() == "playing walk\n"
@@ -190,7 +190,9 @@ def test_what_the_game_prints_is_kept(opener: Opener, tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.filterwarnings("ignore:.*render_mode.*:UserWarning")
-def test_arguments_that_cannot_be_used(opener: Opener, settings: dict[str, Any], what: str) -> None:
+def test_unusable_arguments_are_refused(
+    opener: Opener, settings: dict[str, Any], what: str
+) -> None:
     with pytest.raises(ConfigError, match=what):
         opener.fake("walk", **settings)
 
@@ -198,7 +200,7 @@ def test_arguments_that_cannot_be_used(opener: Opener, settings: dict[str, Any],
 @pytest.mark.parametrize(
     "action", [np.zeros(2), [np.nan], ["left"], [[0.5]], [[1], [2, 3]], None, {}], ids=str
 )
-def test_actions_that_do_not_fit(opener: Opener, action: Any) -> None:
+def test_misfitting_action_leaves_the_game_running(opener: Opener, action: Any) -> None:
     env = opener.fake("walk").unwrapped
     env.reset()
     with pytest.raises(ActionError):
@@ -207,5 +209,5 @@ def test_actions_that_do_not_fit(opener: Opener, action: Any) -> None:
 
 
 def test_reset_options_are_refused(opener: Opener) -> None:
-    with pytest.raises(UsageError, match="unknown reset option level"):
+    with pytest.raises(UsageError, match="unknown reset option 'level'"):
         opener.fake("walk").reset(options={"level": 2})

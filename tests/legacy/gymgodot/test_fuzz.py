@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import socket
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -14,17 +12,18 @@ from gymnasium import spaces
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from websockets.client import ClientProtocol
+from websockets.frames import Frame, Opcode
 from websockets.uri import parse_uri
 
-from ludus.errors import ActionError, EngineTimeout, GameError, ProtocolError
+from ludus.errors import ActionError, GameError, ProtocolError
+from ludus.legacy.gymgodot.framing import WebSocketFraming
 from ludus.legacy.gymgodot.messages import (
     read_render,
     read_reset,
     read_step,
     step_request,
 )
-from ludus.legacy.gymgodot.spaces import max_message_bytes, to_action_list, to_observation
-from ludus.legacy.gymgodot.web_socket import WebSocket
+from ludus.legacy.spaces import max_message_bytes, to_action_list, to_observation
 from ludus.link import LinkClosed
 
 NUMBERS = st.integers() | st.floats()
@@ -59,7 +58,9 @@ READERS: list[Callable[[bytes], Any]] = [read_step, read_reset, read_render]
 
 @settings(max_examples=300, deadline=None)
 @given(message=MESSAGES, reader=st.sampled_from(READERS))
-def test_any_message(message: bytes, reader: Callable[[bytes], Any]) -> None:
+def test_any_message_raises_documented_errors_only(
+    message: bytes, reader: Callable[[bytes], Any]
+) -> None:
     try:
         answer: Any = reader(message)
     except (ProtocolError, GameError) as error:
@@ -73,14 +74,14 @@ def test_any_message(message: bytes, reader: Callable[[bytes], Any]) -> None:
 
 @pytest.mark.parametrize("text", ["[" * 100_000, '{"a":' * 100_000, "1" * 100_000])
 @pytest.mark.parametrize("reader", READERS)
-def test_deep_and_long_messages(text: str, reader: Callable[[bytes], Any]) -> None:
+def test_deeply_nested_messages_are_refused(text: str, reader: Callable[[bytes], Any]) -> None:
     with pytest.raises(ProtocolError):
         reader(text.encode())
 
 
 @settings(max_examples=300, deadline=None)
 @given(space=SPACES, value=st.lists(NUMBERS, min_size=1, max_size=2) | JUNK)
-def test_any_observation(space: spaces.Space[Any], value: Any) -> None:
+def test_any_observation_is_checked(space: spaces.Space[Any], value: Any) -> None:
     try:
         observation = to_observation(space, value, "observation")
     except GameError:
@@ -92,7 +93,7 @@ def test_any_observation(space: spaces.Space[Any], value: Any) -> None:
 
 @settings(max_examples=200, deadline=None)
 @given(space=SPACES, action=JUNK)
-def test_any_action(space: spaces.Space[Any], action: Any) -> None:
+def test_any_action_is_checked(space: spaces.Space[Any], action: Any) -> None:
     try:
         numbers = to_action_list(space, action)
     except ActionError:
@@ -103,7 +104,7 @@ def test_any_action(space: spaces.Space[Any], action: Any) -> None:
 @pytest.mark.parametrize(
     "space", [spaces.Discrete(3), spaces.Box(-1, 1, (2, 2)), spaces.MultiDiscrete([2, 3])]
 )
-def test_samples_go_there_and_back(space: spaces.Space[Any]) -> None:
+def test_samples_survive_a_round_trip(space: spaces.Space[Any]) -> None:
     space.seed(1)
     for _ in range(5):
         sample = space.sample()
@@ -111,93 +112,92 @@ def test_samples_go_there_and_back(space: spaces.Space[Any]) -> None:
         assert np.array_equal(to_observation(space, sent, "observation"), sample)
 
 
-def connected(max_bytes: int) -> tuple[WebSocket, ClientProtocol, socket.socket]:
-    """Return our end of a connection, and the library's client at the other end."""
-    ours, theirs = _tcp_pair()
+def connected(max_bytes: int) -> tuple[WebSocketFraming, ClientProtocol]:
+    """Return our end of a conversation, and the library's client at the other end."""
+    framing = WebSocketFraming(max_bytes)
     client = ClientProtocol(parse_uri("ws://127.0.0.1:1/"))
     client.send_request(client.connect())
-    theirs.sendall(b"".join(client.data_to_send()))
-    link = WebSocket(ours, max_bytes)
-    link.shake_hands(time.monotonic() + 5.0, lambda: None)
-    client.receive_data(theirs.recv(4096))
-    return link, client, theirs
+    client.receive_data(framing.feed(sent_by(client)))
+    assert not framing.is_connecting
+    return framing, client
 
 
-def _tcp_pair() -> tuple[socket.socket, socket.socket]:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        theirs = socket.create_connection(listener.getsockname())
-        return listener.accept()[0], theirs
+def sent_by(client: ClientProtocol) -> bytes:
+    return b"".join(client.data_to_send())
 
 
-def receive_all(link: WebSocket) -> list[bytes]:
+def take_all(framing: WebSocketFraming) -> list[bytes]:
     messages: list[bytes] = []
     try:
-        while True:
-            messages.append(link.receive(time.monotonic() + 5.0, lambda: None))
+        while (message := framing.take()) is not None:
+            messages.append(message)
     except (ProtocolError, LinkClosed):
-        return messages
+        pass
+    return messages
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(data=st.binary(max_size=300))
-def test_any_bytes_after_the_handshake(data: bytes) -> None:
-    link, _, theirs = connected(100)
-    theirs.sendall(data)
-    theirs.shutdown(socket.SHUT_WR)
-    assert all(len(message) <= 100 for message in receive_all(link))
-    link.close()
-    theirs.close()
+def test_any_bytes_after_the_handshake_are_survived(data: bytes) -> None:
+    framing, _ = connected(100)
+    try:
+        framing.feed(data)
+    except ProtocolError:
+        return
+    assert all(len(message) <= 100 for message in take_all(framing))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(data=st.binary(max_size=300))
-def test_any_bytes_instead_of_a_handshake(data: bytes) -> None:
-    ours, theirs = _tcp_pair()
-    link = WebSocket(ours, 100)
-    theirs.sendall(data)
-    theirs.shutdown(socket.SHUT_WR)
-    with pytest.raises((ProtocolError, LinkClosed)):
-        link.shake_hands(time.monotonic() + 5.0, lambda: None)
-    link.close()
-    theirs.close()
+def test_any_bytes_instead_of_a_handshake_are_refused(data: bytes) -> None:
+    framing = WebSocketFraming(100)
+    framing.feed(data)
+    try:
+        assert framing.is_connecting
+    except ProtocolError as error:
+        assert "no WebSocket handshake" in str(error)
 
 
 @pytest.mark.parametrize("num_fragments", [1, 2, 30])
 @pytest.mark.parametrize(("num_bytes", "is_taken"), [(60, True), (100, True), (101, False)])
-def test_the_longest_message(num_fragments: int, num_bytes: int, *, is_taken: bool) -> None:
-    link, client, theirs = connected(100)
+def test_message_limit_counts_all_fragments(
+    num_fragments: int, num_bytes: int, *, is_taken: bool
+) -> None:
+    framing, client = connected(100)
     pieces = np.array_split(np.frombuffer(b"x" * num_bytes, np.uint8), num_fragments)
     for number, piece in enumerate(pieces):
         send = client.send_continuation if number else client.send_text
         send(piece.tobytes(), fin=number == num_fragments - 1)
-    theirs.sendall(b"".join(client.data_to_send()))
-    theirs.shutdown(socket.SHUT_WR)
-    assert receive_all(link) == ([b"x" * num_bytes] if is_taken else [])
-    link.close()
-    theirs.close()
+    framing.feed(sent_by(client))
+    assert take_all(framing) == ([b"x" * num_bytes] if is_taken else [])
 
 
-def test_a_byte_at_a_time() -> None:
-    link, client, theirs = connected(100)
+def test_messages_are_read_byte_by_byte() -> None:
+    framing, client = connected(100)
     client.send_text(b'{"init_observation": [1]}')
-    theirs.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    for byte in b"".join(client.data_to_send()):
-        theirs.sendall(bytes([byte]))
-        time.sleep(0.001)
-    message = link.receive(time.monotonic() + 5.0, lambda: None)
-    assert read_reset(message) == [1]
-    link.close()
-    theirs.close()
+    for byte in sent_by(client):
+        assert framing.take() is None
+        framing.feed(bytes([byte]))
+    assert [read_reset(message) for message in take_all(framing)] == [[1]]
 
 
-def test_a_deadline_for_a_whole_message() -> None:
-    link, client, theirs = connected(100)
-    client.send_text(b"{", fin=False)
-    theirs.sendall(b"".join(client.data_to_send()))
-    with pytest.raises(EngineTimeout):
-        link.receive(time.monotonic() + 0.2, lambda: None)
-    link.close()
-    theirs.close()
+def test_pings_are_answered_and_are_no_messages() -> None:
+    framing, client = connected(100)
+    client.send_ping(b"there?")
+    client.receive_data(framing.feed(sent_by(client)))
+    pong = client.events_received()[-1]
+    assert isinstance(pong, Frame) and pong.opcode is Opcode.PONG
+    assert not framing.has_pending
+
+
+def test_closing_ends_the_conversation() -> None:
+    framing, client = connected(100)
+    client.send_close(1000)
+    framing.feed(sent_by(client))
+    with pytest.raises(LinkClosed, match="the game closed the connection"):
+        framing.take()
+    with pytest.raises(LinkClosed):
+        framing.encode(b"{}")
 
 
 def test_a_message_is_as_long_as_the_space_needs() -> None:

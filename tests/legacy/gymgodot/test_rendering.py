@@ -99,7 +99,7 @@ def test_frames_are_saved_with_numbers(project: Path, opener: Opener, tmp_path: 
 
 
 @pytest.mark.usefixtures("_screen")
-def test_a_folder_that_is_missing(project: Path, opener: Opener, tmp_path: Path) -> None:
+def test_missing_folder_for_frames_is_named(project: Path, opener: Opener, tmp_path: Path) -> None:
     path = f"{tmp_path}/nowhere/"
     env = opener.open(command(project, is_windowed=True), renderPath=path, **SPACES)
     env.reset()

@@ -10,7 +10,7 @@ from ludus.addon import LEGACY_PATH, MANIFEST_NAME, install_addon
 from ludus.cli.addon import Install, run
 from ludus.cli.main import main
 from ludus.errors import ConfigError
-from ludus.legacy.addon import KEPT_PATH, install_legacy_addon
+from ludus.legacy.addon import install_legacy_addon
 from tests.legacy.godot_ai.projects import GAME, GODOT_AI, original_game
 
 SCRIPTS = sorted(file.relative_to(GODOT_AI).as_posix() for file in GODOT_AI.rglob("*.gd"))
@@ -29,17 +29,17 @@ def tree(folder: Path) -> dict[str, bytes]:
     }
 
 
-def test_godot_ai_is_put_aside_and_stood_in_for(project: Path) -> None:
+def test_godot_ai_is_backed_up_and_forwarded(project: Path) -> None:
     (project / "AI" / "AIRunner.gd.uid").write_text("uid://cairunner00001\n")
     change = install_legacy_addon(project)
     assert list(change.replaced) == SCRIPTS
-    assert (change.kept, KEPT_PATH) == ("godot-ai.old", "godot-ai.old")
-    kept = tree(project / KEPT_PATH)
+    assert change.kept == "godot-ai.old"
+    kept = tree(project / "godot-ai.old")
     assert kept.pop(".gdignore") == b""
     assert kept == {name: (GODOT_AI / name).read_bytes() for name in SCRIPTS}
-    stand_in = (project / "AI" / "AIRunner.gd").read_text()
-    assert stand_in.startswith('extends "res://addons/ludus_classic/ai_runner.gd"\n')
-    assert "class_name" not in stand_in
+    forwarding = (project / "AI" / "AIRunner.gd").read_text()
+    assert forwarding.startswith('extends "res://addons/ludus_classic/ai_runner.gd"\n')
+    assert "class_name" not in forwarding
     assert (project / "AI" / "AIRunner.gd.uid").read_text() == "uid://cairunner00001\n"
     for name, content in tree(GAME).items():
         if name != "project.godot":
@@ -68,7 +68,7 @@ def test_a_game_without_godot_ai_gets_the_classes(tmp_path: Path) -> None:
     change = install_legacy_addon(tmp_path)
     assert change.replaced == ()
     assert "ai_runner.gd" in change.legacy.added
-    assert not (tmp_path / KEPT_PATH).exists()
+    assert not (tmp_path / "godot-ai.old").exists()
 
 
 def test_a_class_of_the_game_is_not_taken_for_one_of_godot_ai(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ def listed(project: Path) -> dict[str, str]:
     return dict(zip(names, paths, strict=True))
 
 
-def test_its_scripts_are_put_aside_and_stood_in_for(project: Path) -> None:
+def test_scripts_are_backed_up_and_forwarded(project: Path) -> None:
     before = tree(project)
     change = install_legacy_addon(project)
     assert (list(change.replaced), change.kept) == (SCRIPTS, "godot_gym_api.old")
@@ -45,9 +45,9 @@ def test_its_scripts_are_put_aside_and_stood_in_for(project: Path) -> None:
     changed = [name for name, data in before.items() if (project / name).read_bytes() != data]
     assert sorted(changed) == [*SCRIPTS, "project.godot"]
     for path, _ in ORIGINALS.values():
-        stand_in = (project / FOLDER / path).read_text()
-        assert stand_in.startswith(f'extends "res://{LEGACY_PATH}/{Path(path).name}"\n')
-        assert "class_name" not in stand_in
+        forwarding = (project / FOLDER / path).read_text()
+        assert forwarding.startswith(f'extends "res://{LEGACY_PATH}/{Path(path).name}"\n')
+        assert "class_name" not in forwarding
 
 
 def test_the_project_lists_our_classes_with_the_icons_of_theirs(project: Path) -> None:

@@ -25,14 +25,14 @@ def project(tmp_path: Path) -> Path:
     return tmp_path / "game"
 
 
-def test_gymgodots_script_is_put_aside_and_stood_in_for(project: Path) -> None:
+def test_gymgodots_script_is_backed_up_and_forwarded(project: Path) -> None:
     before = tree(project)
     change = install_legacy_addon(project)
     assert (change.replaced, change.kept) == (("GymGodot.gd",), "gymgodot.old")
     kept = tree(project / "gymgodot.old")
     assert kept == {".gdignore": b"", "GymGodot.gd": before["GymGodot.gd"]}
-    stand_in = (project / "GymGodot.gd").read_text()
-    assert stand_in.startswith(f'extends "res://{LEGACY_PATH}/gym_godot.gd"\n')
+    forwarding = (project / "GymGodot.gd").read_text()
+    assert forwarding.startswith(f'extends "res://{LEGACY_PATH}/gym_godot.gd"\n')
     changed = [name for name, data in before.items() if (project / name).read_bytes() != data]
     assert sorted(changed) == ["GymGodot.gd", "project.godot"]
 

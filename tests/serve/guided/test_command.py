@@ -32,14 +32,16 @@ def test_the_last_line_of_the_log_says_what_ended_it(
         (("--device", "abacus"), "abacus"),
     ],
 )
-def test_options_out_of_range(
+def test_options_out_of_range_are_refused(
     options: tuple[str, ...], text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["serve", "--port", "0", "--runs", str(tmp_path / "runs"), *options]) == 2
     assert text in capsys.readouterr().err
 
 
-def test_runs_that_cannot_be_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_runs_folder_that_cannot_be_created_is_an_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "file").touch()
     assert main(["serve", "--port", "0", "--runs", str(tmp_path / "file" / "runs")]) == 5
     assert "the folder of the runs" in capsys.readouterr().err

@@ -137,7 +137,7 @@ def test_a_second_game_is_rejected_while_the_first_stands_by(
         (frame("SPEC", b"{}"), "frame", "the first frame must be HELLO, got SPEC"),
         (frame("HELLO", b"[1]"), "frame", "HELLO must be a JSON object"),
         (frame("HELLO", b"\xff\xfe"), "frame", "HELLO is not valid JSON"),
-        (frame("HELLO", b"{}"), "frame", "malformed HELLO"),
+        (frame("HELLO", b"{}"), "frame", "HELLO.protocol: missing"),
         (struct.pack("<IBBH", 1 << 25, 1, 0, 0), "frame", "HELLO frame of 33554432 bytes"),
         (hello(training=7), "config", "HELLO.training: expected an object, got 7"),
         (hello(training={"run": "../x"}), "config", "HELLO.training.run: expected 1 to 64"),

@@ -1,4 +1,4 @@
-"""What a game asks for is done, and the game is told."""
+"""Requests of a game are carried out, and the game is informed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def assert_equal(first: Checkpoint, second: Checkpoint) -> None:
     assert [name for name in one if not torch.equal(one[name], two[name])] == []
 
 
-def test_a_game_that_asks_for_nothing_is_left_alone(server: Running) -> None:
+def test_without_requests_the_game_stands_by_and_leaves_no_run(server: Running) -> None:
     game = server.game()
     first = game.await_state("standby")
     assert first["agent_steps"] == first["updates"] == 0
@@ -45,7 +45,7 @@ def test_a_game_that_asks_for_nothing_is_left_alone(server: Running) -> None:
     assert not server.folder().path.exists(), "nothing was trained"
 
 
-def test_start_stop_and_start_again(server: Running) -> None:
+def test_training_starts_stops_and_resumes_on_request(server: Running) -> None:
     game = server.game()
     game.ask("start")
     game.await_updates(3)
@@ -70,7 +70,7 @@ def test_start_stop_and_start_again(server: Running) -> None:
     assert game.events[game.events.index("stand_by", 3) - 1] == "standby"
 
 
-def test_stop_is_obeyed_in_the_middle_of_a_rollout(server: Running) -> None:
+def test_stop_takes_effect_within_a_rollout(server: Running) -> None:
     game = server.game(spec=small_spec(rollout_steps=4096))
     game.delay_s = 0.005
     game.ask("start")
@@ -81,7 +81,7 @@ def test_stop_is_obeyed_in_the_middle_of_a_rollout(server: Running) -> None:
     assert 0 < server.newest().agent_steps < 3 * 4096
 
 
-def test_a_request_that_is_no_end_keeps_the_rollout(server: Running) -> None:
+def test_a_save_does_not_discard_the_rollout(server: Running) -> None:
     game = server.game(spec=small_spec(rollout_steps=200))
     game.delay_s = 0.005
     game.ask("start")
@@ -96,7 +96,7 @@ def test_a_request_that_is_no_end_keeps_the_rollout(server: Running) -> None:
     assert '"agent_steps": 600,' in metrics[0].replace(":", ": ").replace(":  ", ": ")
 
 
-def test_a_round_is_played_and_teaches_nothing(server: Running) -> None:
+def test_a_round_is_reported_and_changes_no_weights(server: Running) -> None:
     game = server.training()
     game.ask("stop")
     game.await_state("standby")
@@ -113,7 +113,7 @@ def test_a_round_is_played_and_teaches_nothing(server: Running) -> None:
     game.await_updates(played["updates"] + 1)
 
 
-def test_a_round_interrupts_training(server: Running) -> None:
+def test_a_round_interrupts_training_which_then_resumes(server: Running) -> None:
     game = server.training()
     game.ask("play_round")
     game.await_state("playing")
@@ -122,7 +122,7 @@ def test_a_round_interrupts_training(server: Running) -> None:
     game.await_updates(after["updates"] + 1)
 
 
-def test_a_round_that_is_stopped(server: Running) -> None:
+def test_a_stopped_round_is_not_reported(server: Running) -> None:
     game = server.game()
     game.delay_s = 0.2
     game.ask("play_round")
@@ -161,7 +161,7 @@ def test_modes_and_what_is_written(server: Running) -> None:
     assert all(torch.equal(weights(frozen)[name], weights(server.newest())[name]) for name in names)
 
 
-def test_a_mode_that_was_set_before_training_holds(server: Running) -> None:
+def test_a_mode_set_before_training_is_kept(server: Running) -> None:
     game = server.game()
     game.ask("set_mode", policy="cart", mode="frozen")
     game.await_status(lambda status: status["policies"]["cart"]["mode"] == "frozen")
@@ -170,7 +170,7 @@ def test_a_mode_that_was_set_before_training_holds(server: Running) -> None:
     assert training["policies"]["cart"]["mode"] == "frozen"
 
 
-def test_policies_go_where_they_should(start: Start, tmp_path: Any) -> None:
+def test_policies_are_written_to_the_folder_of_the_command(start: Start, tmp_path: Any) -> None:
     server = start(policies=tmp_path / "game" / "policies")
     game = server.game()
     game.ask("write_policies")
@@ -179,7 +179,7 @@ def test_policies_go_where_they_should(start: Start, tmp_path: Any) -> None:
     assert written["message"] == f"wrote policies to {tmp_path / 'game/policies'}"
 
 
-def test_policies_that_cannot_be_written(start: Start, tmp_path: Any) -> None:
+def test_a_folder_that_cannot_be_written_is_reported(start: Start, tmp_path: Any) -> None:
     (tmp_path / "file").touch()
     game = start(policies=tmp_path / "file").game()
     game.ask("write_policies")
@@ -192,11 +192,11 @@ def test_policies_that_cannot_be_written(start: Start, tmp_path: Any) -> None:
     ("request_", "text"),
     [
         ({"kind": "stop"}, "there is nothing to stop"),
-        ({"kind": "dance"}, 'request left out: {"kind": "dance"}'),
+        ({"kind": "dance"}, 'unknown request: {"kind": "dance"}'),
         ({"kind": "set_mode", "policy": "villain", "mode": "train"}, "villain"),
     ],
 )
-def test_a_request_that_cannot_be(
+def test_a_request_that_cannot_be_carried_out_is_reported(
     server: Running, request_: dict[str, str], text: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     game = server.game()
@@ -208,10 +208,10 @@ def test_a_request_that_cannot_be(
     game.ask("start")
     game.await_updates(1)
     game.ask("start")
-    assert game.await_message("training goes on already")["state"] == "training"
+    assert game.await_message("training is running already")["state"] == "training"
 
 
-def test_checkpoints_that_are_kept(server: Running) -> None:
+def test_checkpoints_at_the_chosen_updates_are_kept(server: Running) -> None:
     training = {"run": "run", "num_worlds": 3, "checkpoint_every_updates": 2}
     game = server.game(training=training)
     game.ask("start")
@@ -222,7 +222,7 @@ def test_checkpoints_that_are_kept(server: Running) -> None:
     assert names == [f"update-{k:012d}" for k in range(2, stopped["updates"] + 1, 2)]
 
 
-def test_the_command_line_guides_too(server: Running) -> None:
+def test_requests_of_the_command_line_are_carried_out(server: Running) -> None:
     game = server.training()
     send_request(server.folder().control, SetMode("cart", "frozen"))
     game.await_status(lambda status: status["policies"]["cart"]["mode"] == "frozen")

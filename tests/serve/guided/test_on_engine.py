@@ -67,7 +67,7 @@ def assert_equal(first: Checkpoint, second: Checkpoint) -> None:
         assert [name for name in one if not torch.equal(one[name], two[name])] == []
 
 
-def test_everything_that_a_game_can_ask_for(server: Running, play: Play) -> None:
+def test_every_request_of_a_game_is_carried_out(server: Running, play: Play) -> None:
     game = play(server.port)
     trained = game.train()
     assert trained["policies"]["even"]["mean_return"] is not None
@@ -116,7 +116,7 @@ def test_everything_that_a_game_can_ask_for(server: Running, play: Play) -> None
     assert game.process.script_errors == []
 
 
-def test_a_game_that_is_killed_and_comes_back(
+def test_a_killed_game_resumes_its_run(
     server: Running, play: Play, kind: EngineKind, tmp_path: Path
 ) -> None:
     game = play(server.port)
@@ -137,7 +137,7 @@ def test_a_game_that_is_killed_and_comes_back(
     assert old.agent_steps > back["agent_steps"]
 
 
-def test_others_at_the_door_and_a_mistake(server: Running, play: Play) -> None:
+def test_other_clients_and_a_game_error_do_not_lose_training(server: Running, play: Play) -> None:
     game = play(server.port)
     game.train()
     second = play(server.port)

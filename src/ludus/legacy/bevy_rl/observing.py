@@ -79,7 +79,7 @@ class Observing:
             return _fit(part, self._box, "the state")
         values = _mapping(part)
         if values is None:
-            raise GameError(f"the state of agent {agent} is no JSON object: {part}", hint=_HINT)
+            raise GameError(f"the state of agent {agent} is not a JSON object: {part}", hint=_HINT)
         return {name: _fit(_entry(values, name), box, name) for name, box in self._entries.items()}
 
 
@@ -142,4 +142,4 @@ def _numbers(value: Any, name: str) -> Iterator[float]:
         # What serde makes of NaN and infinity; the session says where it came from.
         yield float("nan")
     else:
-        raise GameError(f"{name} is no number: {value!r}", hint=_HINT)
+        raise GameError(f"{name} is not a number: {value!r}", hint=_HINT)

@@ -25,7 +25,7 @@ def image_space(space: spaces.Space[Any]) -> spaces.Box:
     """Return the box of an agent's picture: the space itself, or its entry ``pixels``.
 
     Raises:
-        ConfigError: It is no picture.
+        ConfigError: It is not a picture.
     """
     found: Any = cast("Any", space).spaces.get(PIXELS) if isinstance(space, spaces.Dict) else space
     if _is_image(found):
@@ -45,7 +45,7 @@ def split_picture(picture: bytes, box: spaces.Box, num_agents: int) -> list[NDAr
         num_agents: How many there are.
 
     Raises:
-        GameError: It is no such picture.
+        GameError: It is not such a picture.
     """
     from PIL import Image
 

@@ -2,18 +2,14 @@
 
 ::
 
-    opening        ludus.make("godot_gym_api:…")
-    making         gymnasium.make: an environment out of spaces and functions
-    env            that environment
-    environment    GodotEnvironment, the base class that programs for godot_gym_api extend
-    declaring      checks of what the user declares
-    declared_game  a game with spaces, reward and end, which opening and env stand on
-    client         GodotClient: reset, step, configure
-    game           one running game: request, answer, end
-    ports          at which a game listens
-    connection     one connection: lengths, deadlines
-    messages       what is said, without input or output
-    data           the fields of an answer
+    making       gymnasium.make and ludus.make("godot_gym_api:…")
+    game         a game with spaces, reward and end
+    environment  GodotEnvironment, the base class that programs for godot_gym_api extend
+    client       GodotClient: reset, step, configure
+    connecting   starts a game or finds it, and connects
+    messages     what is said, without input or output
+    data         the fields of an answer
+    addon        our classes in the place of godot_gym_api's
 
 Each imports only those below it.
 """

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ludus.errors import ConfigError, LudusError
-from ludus.legacy.godot_gym_api.game import Game, GameConfig
+from ludus.errors import ConfigError
+from ludus.legacy.godot_gym_api.connecting import ConnectionSettings, open_conversation
 from ludus.legacy.godot_gym_api.messages import (
     ACTION_KEY,
     AGENT_KEY,
@@ -21,9 +21,10 @@ from ludus.legacy.godot_gym_api.messages import (
     encode_request,
 )
 
-__all__ = ["GodotClient"]
+__all__ = ["PARTS", "GodotClient"]
 
-_PARTS = (AGENT_KEY, WORLD_KEY, ENVIRONMENT_KEY)
+PARTS = (AGENT_KEY, WORLD_KEY, ENVIRONMENT_KEY)
+"""What can be configured."""
 
 
 class GodotClient:
@@ -36,8 +37,9 @@ class GodotClient:
         protobuf_message_module: The module that ``protoc`` made of the project's messages; None if
             the game answers in JSON. Answers in JSON are understood in either case.
         engine_address: Host and port at which the game listens.
-        chunk_size: Taken for old programs, without effect.
-        settings: Further fields of :class:`GameConfig`, such as ``target`` or ``step_timeout_s``.
+        chunk_size: Without effect, for old programs.
+        settings: Further fields of :class:`ConnectionSettings`, such as ``target`` or
+            ``step_timeout_s``.
 
     Raises:
         ConfigError: An argument cannot be used.
@@ -66,12 +68,13 @@ class GodotClient:
         check_message_module(protobuf_message_module)
         self.protobuf_message_module = protobuf_message_module
         self.chunk_size = chunk_size
-        self._game = Game(_config(engine_address, settings))
+        connection = _read_settings(engine_address, settings)
+        self._conversation, self._address = open_conversation(connection)
 
     @property
     def engine_address(self) -> tuple[str, int]:
         """Host and port at which the game listens; never port 0."""
-        return self._game.address
+        return self._address
 
     def request(self, request: Mapping[str, Any]) -> State:
         """Send any request; see :mod:`ludus.legacy.godot_gym_api.messages`.
@@ -81,12 +84,11 @@ class GodotClient:
             protobuf message or :class:`~ludus.legacy.godot_gym_api.Data`.
 
         Raises:
-            ActionError: The request is no JSON.
+            ActionError: The request is not JSON.
             SequenceError: The game is closed.
             EngineError: The game failed.
         """
-        self._game.send(encode_request(request))
-        return self._answer()
+        return self._conversation.ask(encode_request(request), self._read)
 
     def reset(self, requested_observation: Mapping[str, Any]) -> State:
         """Begin an episode; errors as :meth:`request`.
@@ -95,7 +97,7 @@ class GodotClient:
             requested_observation: ``{"agent": …, "world": …}``: whose data is wanted; the game
                 says what the values mean.
         """
-        self._game.note_errors()
+        self._conversation.note_errors()
         return self.request({RESET_KEY: 1, OBSERVATION_KEY: requested_observation})
 
     def step(self, action: Any, requested_observation: Mapping[str, Any]) -> State:
@@ -105,13 +107,12 @@ class GodotClient:
 
     def begin_step(self, action: Any, requested_observation: Mapping[str, Any]) -> None:
         """Send what :meth:`step` sends, and return at once; errors as :meth:`request`."""
-        self._game.send(
-            encode_request({ACTION_KEY: action, OBSERVATION_KEY: requested_observation})
-        )
+        request = {ACTION_KEY: action, OBSERVATION_KEY: requested_observation}
+        self._conversation.send(encode_request(request))
 
     def end_step(self) -> State:
         """Wait for the answer to :meth:`begin_step`; errors as :meth:`request`."""
-        return self._answer()
+        return self._conversation.receive(self._read)
 
     def configure(
         self,
@@ -134,11 +135,11 @@ class GodotClient:
         """
         given = {AGENT_KEY: agent, WORLD_KEY: world, ENVIRONMENT_KEY: environment}
         parts = {**(config or {}), **{key: part for key, part in given.items() if part is not None}}
-        unknown = [key for key in parts if key not in _PARTS]
+        unknown = [key for key in parts if key not in PARTS]
         if unknown:
             raise ConfigError(
                 f"unknown part {', '.join(map(repr, unknown))} of a configuration",
-                hint=f"a game has {', '.join(_PARTS)}",
+                hint=f"a game has {', '.join(PARTS)}",
             )
         self.request({CONFIG_KEY: parts})
 
@@ -152,7 +153,7 @@ class GodotClient:
 
     def close(self) -> None:
         """End the conversation, and the game if we started it; may be called twice."""
-        self._game.close()
+        self._conversation.close()
 
     def __enter__(self) -> GodotClient:
         return self
@@ -160,20 +161,15 @@ class GodotClient:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _answer(self) -> State:
-        answer = self._game.receive()
-        try:
-            return decode_answer(answer, self.protobuf_message_module)
-        except LudusError:
-            self.close()
-            raise
+    def _read(self, answer: bytes) -> State:
+        return decode_answer(answer, self.protobuf_message_module)
 
 
-def _config(engine_address: tuple[str, int], settings: dict[str, Any]) -> GameConfig:
-    unknown = settings.keys() - GameConfig.__dataclass_fields__.keys()
+def _read_settings(engine_address: tuple[str, int], settings: dict[str, Any]) -> ConnectionSettings:
+    known = ConnectionSettings.__dataclass_fields__
+    unknown = settings.keys() - known.keys()
     if unknown:
         raise ConfigError(
-            f"unknown argument {', '.join(sorted(unknown))}",
-            hint=f"there are {', '.join(GameConfig.__dataclass_fields__)}",
+            f"unknown argument {', '.join(sorted(unknown))}", hint=f"there are {', '.join(known)}"
         )
-    return GameConfig(engine_address=engine_address, **settings)
+    return ConnectionSettings(engine_address=engine_address, **settings)

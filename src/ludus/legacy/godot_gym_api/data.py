@@ -70,8 +70,8 @@ def to_fields(value: Any) -> Any:
 
 def _bytes(text: Any) -> bytes:
     if not isinstance(text, str):
-        raise ValueError(f"{BYTES_KEY} is no text")
+        raise ValueError(f"{BYTES_KEY} is not a text")
     try:
         return base64.b64decode(text, validate=True)
     except binascii.Error as error:
-        raise ValueError(f"{BYTES_KEY} is no base 64: {error}") from error
+        raise ValueError(f"{BYTES_KEY} is not base 64: {error}") from error

@@ -22,8 +22,9 @@ class GodotEnvironment(gymnasium.Env[Any, Any]):
     Args:
         protobuf_message_module: The compiled messages; None if the game answers in JSON.
         engine_address: Host and port at which the game listens.
-        engine_chunk_size: Taken for old programs, without effect.
-        settings: Further fields of :class:`~ludus.legacy.godot_gym_api.game.GameConfig`.
+        engine_chunk_size: Without effect, for old programs.
+        settings: Further fields of
+            :class:`~ludus.legacy.godot_gym_api.connecting.ConnectionSettings`.
     """
 
     WORLD_KEY = GodotClient.WORLD_KEY

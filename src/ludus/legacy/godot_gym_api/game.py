@@ -1,220 +1,205 @@
-"""One running game: start it or find it, ask it, end it."""
+"""A game for godot_gym_api with what its user declares: spaces, observation, reward, end."""
 
 from __future__ import annotations
 
-import time
-from contextlib import ExitStack
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Any, cast
 
-from ludus.errors import (
-    ConfigError,
-    EngineError,
-    EngineStartError,
-    EngineTimeout,
-    ProtocolError,
-    SequenceError,
-)
-from ludus.legacy.godot_gym_api.connection import Connection, connect
-from ludus.legacy.godot_gym_api.ports import check_port_is_free, free_port
-from ludus.legacy.launching import project_command, shell_command
-from ludus.legacy.watching import GameWatch
-from ludus.link import LinkClosed
+import numpy as np
+from gymnasium import spaces
 
-__all__ = ["Game", "GameConfig"]
+from ludus.errors import ConfigError, GameError
+from ludus.legacy.game import Declaration, LegacyGame, Outcome, check_reset_parameters
+from ludus.legacy.godot_gym_api.client import PARTS, GodotClient
+from ludus.legacy.godot_gym_api.data import Data
+from ludus.legacy.godot_gym_api.messages import AGENT_KEY, ENVIRONMENT_KEY, WORLD_KEY, State
+from ludus.legacy.spaces import check_space, to_action_list, to_observation
 
-_PRINT_SETTLE_S = 0.2
-_NUM_SHOWN = 60
+__all__ = ["GodotGymApiGame", "Task"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class GameConfig:
-    """How a game is started and talked with.
+class Task:
+    """What a user declares of a game whose wire has neither spaces, nor rewards, nor ends.
+
+    A state is ``{"agent": data, "world": data}``.
 
     Attributes:
-        engine_address: Where the game listens. With port 0, a game that we start takes a free
-            port; it must have our classes then.
-        target: Project or scene to start. None, without ``command``, too: somebody else starts
-            the game.
-        command: What the shell runs to start the game; it gets further arguments at its end.
-        frames_per_second: Frames in one second of game time, of a game that we start.
-        is_windowed: Whether a game that we start draws.
-        max_answer_bytes: Longest answer that the game may send.
-        start_timeout_s: How long it may take until the game listens.
-        step_timeout_s: How long an answer may take.
-        log_path: File that gets a copy of what a game that we start prints.
-        cores: Cores that a game which we start is pinned to; None: the system decides.
+        action_space: What the game's ``set_action`` takes: ``Discrete`` (it gets a number),
+            ``Box``, ``MultiDiscrete`` or ``MultiBinary`` (lists).
+        observation_space: What ``get_observation`` returns: one of these, or a ``Dict`` of them.
+        get_reward: Returns the reward of the step that led to a state.
+        is_terminated: Returns whether the episode has ended in a state.
+        get_observation: Returns the observation for a state. None: each entry of the ``Dict``
+            is the field of that name, of agent or world.
+        requested_observation: What the game is asked for, ``{"agent": […], "world": […]}``.
+        configuration: ``{"agent": {…}, "world": {…}, "environment": {"repeat_action": 4}}``, told
+            once at the beginning.
     """
 
-    engine_address: tuple[str, int] = ("127.0.0.1", 9090)
-    target: str | Path | None = None
-    command: str | None = None
-    frames_per_second: int = 60
-    is_windowed: bool = False
-    max_answer_bytes: int = 1 << 26
-    start_timeout_s: float = 60.0
-    step_timeout_s: float = 60.0
-    log_path: str | Path | None = None
-    cores: tuple[int, ...] | None = None
+    action_space: Any
+    observation_space: Any
+    get_reward: Callable[[State], float]
+    is_terminated: Callable[[State], bool]
+    get_observation: Callable[[State], Any] | None = None
+    requested_observation: Mapping[str, Any] | None = None
+    configuration: Mapping[str, Any] | None = None
+
+    def check(self) -> None:
+        """Check what the user has declared.
+
+        Raises:
+            ConfigError: A function is missing, or the wire cannot carry a space.
+        """
+        check_space("action_space", self.action_space)
+        is_named = isinstance(self.observation_space, spaces.Dict)
+        if is_named:
+            for name, space in self.observation_space.spaces.items():
+                check_space(f"observation_space[{name!r}]", space)
+        else:
+            check_space("observation_space", self.observation_space)
+        if self.get_observation is None and not is_named:
+            raise ConfigError(
+                "get_observation is missing",
+                hint="give it, or an observation_space that is a Dict with the names of the data",
+            )
+        for name in ("get_reward", "is_terminated"):
+            if not callable(getattr(self, name)):
+                raise ConfigError(
+                    f"{name} is missing",
+                    hint="the wire has no reward and no end: write functions of the state, "
+                    '{"agent": data, "world": data}',
+                )
+
+    @property
+    def repeat_action(self) -> float:
+        """How many physics frames a step lasts, for all we know; at least 1."""
+        environment = (self.configuration or {}).get(ENVIRONMENT_KEY, {})
+        frames = environment.get("repeat_action", GodotClient.DEFAULT_REPEAT_ACTION)
+        return max(1.0, float(frames)) if isinstance(frames, int | float) else 1.0
 
 
-class Game:
-    """A game that we are connected with.
+class GodotGymApiGame(LegacyGame):
+    """A game with one agent. Parameters of a reset configure it.
 
-    After an error the game is gone, if we started it, and the connection in any case; every later
-    request raises ``SequenceError``.
+    Args:
+        name: For messages.
+        client: Closed with this object, and if the game sends what does not fit.
+        task: What the user declares.
+        frames_per_second: Frames in one second of game time.
 
     Raises:
-        ConfigError: There are both target and command, or port 0 without either.
-        TargetError: The target cannot be run.
-        EngineStartError: The address is taken, or the game never listened there.
-        EngineCrashed: The game ended before we were connected.
+        ConfigError: The configuration has an unknown part.
+        EngineError: The game failed.
     """
 
-    def __init__(self, config: GameConfig) -> None:
-        _check(config)
-        self._config = config
-        self._connection: Connection | None = None
-        self._watch = GameWatch()
-        self._asked = (b"", 0.0)
-        self.address = config.engine_address
-        try:
-            with ExitStack() as held:
-                host, port = config.engine_address
-                if port == 0:
-                    self.address = (host, held.enter_context(free_port(host)))
-                elif _is_ours(config):
-                    check_port_is_free(self.address)
-                if _is_ours(config):
-                    self._watch = self._start()
-                self._connection = self._connect()
-        except BaseException:
-            self.close()
-            raise
+    def __init__(
+        self, name: str, client: GodotClient, task: Task, frames_per_second: int = 60
+    ) -> None:
+        declaration = Declaration(
+            name=name,
+            observation_space=task.observation_space,
+            action_space=task.action_space,
+            steps_per_second=frames_per_second / task.repeat_action,
+        )
+        super().__init__(declaration)
+        self.methods = {
+            "configure": client.configure,
+            "set_repeat_action": client.set_repeat_action,
+            "set_time_speed": client.set_time_speed,
+        }
+        self._client = client
+        self._task = task
+        self._requested = task.requested_observation or {AGENT_KEY: [], WORLD_KEY: []}
+        if task.configuration:
+            try:
+                client.configure(task.configuration)
+            except BaseException:
+                client.close()
+                raise
 
-    def send(self, request: bytes) -> None:
-        """Send a request and return at once.
+    def reset(self, seed: int | None, parameters: Mapping[str, Any] | None) -> Sequence[Any]:
+        """Begin an episode; see :meth:`LegacyGame.reset`."""
+        check_reset_parameters(
+            parameters, PARTS, f"there are {', '.join(PARTS)}; they configure the game"
+        )
+        if parameters:
+            self._client.configure(parameters)
+        return self._read(self._client.reset(self._requested), self._observation)
 
-        Raises:
-            SequenceError: The game is closed.
-            EngineCrashed: It died, or hung up.
-            EngineTimeout: It does not read.
-            ProtocolError: It sent something that nobody had asked for.
-        """
-        connection = self._open_connection()
-        try:
-            if connection.has_unread():
-                raise ProtocolError("the game sent an answer that nobody had asked for")
-            self._asked = (request, time.monotonic())
-            connection.send(request, self._config.step_timeout_s)
-        except (LinkClosed, EngineTimeout) as error:
-            raise self._failed(error) from error
-        except BaseException:
-            self.close()
-            raise
+    def send(self, actions: Sequence[Any]) -> None:
+        """Begin a step; see :meth:`LegacyGame.send`."""
+        space = self.declaration.action_space
+        action = to_action_list(space, actions[0])
+        plain = action[0] if isinstance(space, spaces.Discrete) else action
+        self._client.begin_step(plain, self._requested)
 
-    def receive(self) -> bytes:
-        """Wait for the answer to :meth:`send`.
-
-        Raises:
-            SequenceError: The game is closed.
-            EngineCrashed: It died, or hung up.
-            EngineTimeout: It did not answer.
-            ProtocolError: Its answer is too long.
-            GameError: A script of it failed.
-        """
-        connection = self._open_connection()
-        _, began = self._asked
-        deadline = began + self._config.step_timeout_s
-        try:
-            return connection.receive(deadline, lambda: self._watch.check_new_errors(began))
-        except (LinkClosed, EngineTimeout) as error:
-            raise self._failed(error) from error
-        except BaseException:
-            # Whoever is interrupted between request and answer cannot go on, either.
-            self.close()
-            raise
-
-    def note_errors(self) -> None:
-        """Take the script errors so far for known; new ones explain a missing answer."""
-        self._watch.note_errors()
+    def receive(self) -> Outcome:
+        """Wait for the end of the step; see :meth:`LegacyGame.receive`."""
+        return self._read(self._client.end_step(), self._outcome)
 
     def close(self) -> None:
         """End the conversation, and the game if we started it; may be called twice."""
-        if self._connection is not None:
-            self._connection.close()
-            self._connection = None
-        self._watch.close()
+        self._client.close()
 
-    def _open_connection(self) -> Connection:
-        if self._connection is None:
-            raise SequenceError(
-                "the game is closed, or an error ended it", hint="make the environment anew"
-            )
-        return self._connection
-
-    def _failed(self, error: LinkClosed | EngineTimeout) -> EngineError:
-        """End a game that went or is silent; return what says what became of it."""
+    def _read(self, state: State, read: Callable[[State], Any]) -> Any:
         try:
-            if isinstance(error, LinkClosed):
-                # A game that lives has printed why it sent us away.
-                time.sleep(_PRINT_SETTLE_S)
-                return self._watch.explain(str(error))
-            request, timeout_s = self._asked[0], self._config.step_timeout_s
-            silent = EngineTimeout(
-                f"the game did not answer {_shown(request)} within {timeout_s:g} s",
-                hint="a game serves one client at a time, and answers when its step has ended; "
-                "if a step really takes longer, raise step_timeout_s",
-            )
-            return self._watch.explain_silence(silent)
-        finally:
+            return read(state)
+        except GameError:
             self.close()
+            raise
 
-    def _start(self) -> GameWatch:
-        config = self._config
-        # Only a game with our classes knows this argument.
-        arguments = (f"--ludus-port={self.address[1]}",)
-        fps, drawing = config.frames_per_second, config.is_windowed
-        if config.target is not None:
-            command = project_command(config.target, arguments, fps, is_windowed=drawing)
-        else:
-            command = shell_command(config.command or "", arguments, fps, is_windowed=drawing)
-        log_path = None if config.log_path is None else Path(config.log_path)
-        return GameWatch.start(command, log_path, config.cores)
-
-    def _connect(self) -> Connection:
-        config = self._config
-        try:
-            return connect(
-                self.address,
-                config.start_timeout_s,
-                config.max_answer_bytes,
-                self._watch.check_alive,
+    def _outcome(self, state: State) -> Outcome:
+        observations = self._observation(state)
+        reward = float(self._task.get_reward(state))
+        if not math.isfinite(reward):
+            raise GameError(
+                f"the reward is {reward}", hint="look at get_reward and at what the game sent"
             )
-        except EngineTimeout as error:
-            raise EngineStartError(
-                f"{error.message}{self._watch.report()}",
-                hint="the scene needs an RLEnvironment that calls communication.start_server with "
-                "this port; if loading takes longer, raise start_timeout_s",
-            ) from error
+        is_terminated = bool(self._task.is_terminated(state))
+        return Outcome(observations, (reward,), (is_terminated,), (False,))
+
+    def _observation(self, state: State) -> Sequence[Any]:
+        space = self.declaration.observation_space
+        if self._task.get_observation is None:
+            value: Any = {name: _field(state, name) for name in cast("spaces.Dict", space).spaces}
+        else:
+            value = self._task.get_observation(state)
+        return (_element(space, value, "the observation"),)
 
 
-def _check(config: GameConfig) -> None:
-    if config.target is not None and config.command is not None:
-        raise ConfigError(
-            "both target and command are given", hint="one of them says how the game starts"
-        )
-    if config.engine_address[1] == 0 and not _is_ours(config):
-        raise ConfigError(
-            "engine_address has port 0, which only a game that we start can take",
-            hint="give target or command, or the port at which the game listens",
-        )
+def _field(state: State, name: str) -> Any:
+    """Return the data of a name; the agent's comes before the world's."""
+    for part in state.values():
+        if isinstance(part, Data):  # where a field may be called `items`
+            if name in part:
+                return part[name]
+        elif hasattr(part, name):
+            return getattr(part, name)
+    raise GameError(
+        f"neither agent nor world sent a field called {name!r}",
+        hint="name the entries of observation_space as the game's data, or give get_observation",
+    )
 
 
-def _is_ours(config: GameConfig) -> bool:
-    return config.target is not None or config.command is not None
+def _element(space: spaces.Space[Any], value: Any, name: str) -> Any:
+    if isinstance(space, spaces.Dict):
+        entries = cast("dict[str, spaces.Space[Any]]", cast(Any, space).spaces)
+        return {
+            key: _element(entry, _entry(value, key, name), f"{name}[{key!r}]")
+            for key, entry in entries.items()
+        }
+    if isinstance(value, bytes):
+        numbers = np.frombuffer(value, np.uint8)
+        shape = space.shape or ()
+        value = numbers.reshape(shape) if math.prod(shape) == numbers.size else numbers
+    return to_observation(space, value, name)
 
 
-def _shown(request: bytes) -> str:
-    text = request[:_NUM_SHOWN].decode(errors="replace")
-    return text if len(request) <= _NUM_SHOWN else f"{text}…"
+def _entry(value: Any, key: str, name: str) -> Any:
+    try:
+        return value[key]
+    except (KeyError, TypeError, IndexError) as error:
+        raise GameError(f"{name} has no entry {key!r}") from error

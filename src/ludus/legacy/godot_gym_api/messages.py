@@ -62,14 +62,14 @@ def encode_request(request: Mapping[str, Any]) -> bytes:
     """Return the bytes of a request; it gets an empty ``observation`` if it has none.
 
     Raises:
-        ActionError: It is no JSON: NaN, or an object that JSON does not know.
+        ActionError: It is not JSON: NaN, or an object that JSON does not know.
     """
     whole: dict[str, Any] = {OBSERVATION_KEY: {}, **request}
     try:
         return _ENCODER.encode(whole).encode()
     except (ValueError, TypeError, RecursionError) as error:
         raise ActionError(
-            f"the request is no JSON: {error}",
+            f"the request is not JSON: {error}",
             hint="use lists and Python's own numbers: array.tolist(), integer.item()",
         ) from error
 
@@ -105,7 +105,7 @@ def decode_answer(payload: bytes, message_module: Any = None) -> State:
         return _read_json(payload or b"{}")
     if message_module is None:
         raise ProtocolError(
-            f"the answer is no JSON: {_shown(payload)}",
+            f"the answer is not JSON: {_shown(payload)}",
             hint="if the project has protobuf messages, give the compiled module as "
             "protobuf_message_module",
         )
@@ -117,7 +117,7 @@ def _read_json(payload: bytes) -> State:
         answer: Any = to_fields(parse_godot_json(payload))
     except (ValueError, RecursionError) as error:
         raise ProtocolError(
-            f"the game sent something that is no JSON ({error}): {_shown(payload)}", _HINT
+            f"the game sent something that is not JSON ({error}): {_shown(payload)}", _HINT
         ) from error
     assert isinstance(answer, Data)
     return {key: _part(answer, name, payload) for key, name in _FIELDS.items()}
@@ -136,7 +136,7 @@ def _read_protobuf(payload: bytes, message_module: Any) -> State:
         message.ParseFromString(payload)
     except Exception as error:  # a DecodeError; to import it costs 0.5 µs in every step
         raise ProtocolError(
-            f"the answer is no such protobuf message ({error}): {_shown(payload)}",
+            f"the answer is not such a protobuf message ({error}): {_shown(payload)}",
             hint="were the game's and Python's messages compiled from the same message.proto?",
         ) from error
     return {AGENT_KEY: message.agent_data, WORLD_KEY: message.world_data}

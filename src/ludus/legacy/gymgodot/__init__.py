@@ -1,17 +1,15 @@
-"""Drive unmodified GymGodot projects as ``gymnasium.Env``.
+"""Drive unmodified GymGodot projects.
 
 ::
 
-    opening        ludus.make("gymgodot:…")
-    making         gymnasium.make, with the arguments that GymGodot had
-    env            the environment
-    declared_game  a game with the spaces that its user has declared, which both stand on
-    frames         pictures that the game saves
-    game           one running game: request, answer, end
-    door           waits for the game's connection
-    web_socket     one connection: texts, deadlines
-    spaces         from actions to lists and from lists to observations
-    messages       what is said, without input or output
+    making      gymnasium.make, with the arguments that GymGodot had, and ludus.make("gymgodot:…")
+    env         the environment of gymnasium.make
+    frames      pictures that the game saves
+    game        one running game: reset, step, render, end
+    connecting  starts the game, and waits for its connection
+    framing     WebSocket, without input or output
+    messages    what is said, without input or output
+    addon       our node in the place of GymGodot's
 
 Each imports only those below it.
 """

@@ -1,8 +1,4 @@
-"""Let a project that was written for GymGodot run on our protocol.
-
-GymGodot's script is put aside. Where it stood, a script of one line stands for ours, so that the
-scenes that name its path, above all ``GymGodot.tscn``, find it. Nothing else in the game changes.
-"""
+"""Find GymGodot in a project: its script, and scenes in which our node has to be told more."""
 
 from __future__ import annotations
 
@@ -13,19 +9,14 @@ from pathlib import Path
 from ludus.addon import ADDON_PATH, LEGACY_PATH
 from ludus.legacy.addon_files import is_hidden
 
-__all__ = ["KEPT_PATH", "gymgodot_stand_ins", "scenes_without_action"]
+__all__ = ["SCRIPT", "gymgodot_scripts", "scenes_without_action"]
 
-KEPT_PATH = "gymgodot.old"
-"""Where replaced files are kept; Godot does not look into it."""
+SCRIPT = f"{LEGACY_PATH}/gym_godot.gd"
+"""Our script in the place of GymGodot's."""
 
 _SCRIPT_NAME = "GymGodot.gd"
 _SIGNS = ("stepLength", "environmentNode", "WebSocketClient")
 """Words by which GymGodot's script is known."""
-_STAND_IN = f"""\
-extends "res://{LEGACY_PATH}/gym_godot.gd"
-# Stands where the script of GymGodot stood, for scenes that name its path.
-# Made by `ludus addon install --legacy`, which keeps that script in {{kept}}.
-"""
 _REFERENCE = re.compile(
     r'^\[ext_resource path="[^"]*/(?:GymGodot\.(?:tscn|gd)|gym_godot\.gd)".* id=(\d+)\]$',
     re.MULTILINE,
@@ -34,23 +25,18 @@ _SECTION = re.compile(r"^\[node [^\n]*\]$.*?(?=^\[|\Z)", re.MULTILINE | re.DOTAL
 _ACTION = re.compile(r"^(?:discrete_n|continuous_size|action) = ", re.MULTILINE)
 
 
-def gymgodot_stand_ins(root: Path) -> dict[Path, str]:
-    """Return what takes the place of GymGodot's own script, wherever the project has it."""
-    return dict.fromkeys(_scripts(root), _STAND_IN)
+def gymgodot_scripts(root: Path) -> Iterator[Path]:
+    """Yield GymGodot's own script, wherever the project has it."""
+    for file in sorted(root.rglob(_SCRIPT_NAME)):
+        text = file.read_text(encoding="utf-8", errors="replace")
+        if not is_hidden(file, root) and all(sign in text for sign in _SIGNS):
+            yield file
 
 
 def scenes_without_action(root: Path) -> tuple[str, ...]:
     """List scenes with a node of GymGodot that does not say what an action is."""
     found = (file.relative_to(root).as_posix() for file in _without_action(root))
     return tuple(sorted(found))
-
-
-def _scripts(root: Path) -> Iterator[Path]:
-    """Yield GymGodot's own script, wherever the project has it."""
-    for file in sorted(root.rglob(_SCRIPT_NAME)):
-        text = file.read_text(encoding="utf-8", errors="replace")
-        if not is_hidden(file, root) and all(sign in text for sign in _SIGNS):
-            yield file
 
 
 def _without_action(root: Path) -> Iterator[Path]:

@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ludus.errors import ConfigError, GameError
+from ludus.legacy.gymgodot.connecting import DEFAULT_RENDER_PATH
 
-__all__ = ["DEFAULT_RENDER_PATH", "Frames", "check_saved"]
-
-DEFAULT_RENDER_PATH = "./render_frames/"
-"""Where the game saves frames unless told otherwise; as seen from the game's working folder."""
+__all__ = ["Frames", "check_saved"]
 
 _ERROR_NAMES = {
     1: "FAILED",
@@ -33,7 +31,7 @@ class Frames:
     """Knows which file comes next, since the game counts from 0 after every reset.
 
     Args:
-        render_path: What stands before the number. None: a temporary folder if frames are read
+        render_path: What comes before the number. None: a temporary folder if frames are read
             here, ``./render_frames/`` as the game sees it otherwise.
         are_read: Whether frames are read here.
 
@@ -67,7 +65,7 @@ class Frames:
             ``uint8[height, width, 3]``.
 
         Raises:
-            GameError: There is no such file, or it is no picture.
+            GameError: There is no such file, or it is not a picture.
         """
         try:
             with Image.open(file, formats=["PNG"]) as image:

@@ -15,10 +15,12 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass
-from typing import Any, cast
+from reprlib import repr as short
+from typing import Any
 
 from ludus.errors import GameError, ProtocolError
 from ludus.wire.godot_json import parse_godot_json
+from ludus.wire.json_object import JsonObject
 
 __all__ = [
     "CLOSE_REQUEST",
@@ -31,12 +33,11 @@ __all__ = [
     "step_request",
 ]
 
-RESET_REQUEST = '{"cmd": "reset"}'
-RENDER_REQUEST = '{"cmd": "render"}'
-CLOSE_REQUEST = '{"cmd": "close"}'
+RESET_REQUEST = b'{"cmd": "reset"}'
+RENDER_REQUEST = b'{"cmd": "render"}'
+CLOSE_REQUEST = b'{"cmd": "close"}'
 
 _HINT = "is what connected a GymGodot project? Ludus's own add-on is driven by ludus.make"
-_NUM_SHOWN = 80
 
 
 @dataclass(frozen=True)
@@ -54,9 +55,9 @@ class StepAnswer:
     is_done: bool
 
 
-def step_request(action: Any) -> str:
+def step_request(action: Any) -> bytes:
     """Return the request for one step; ``action`` is a list of numbers."""
-    return json.dumps({"cmd": "step", "action": action}, allow_nan=False)
+    return json.dumps({"cmd": "step", "action": action}, allow_nan=False).encode()
 
 
 def read_step(message: bytes) -> StepAnswer:
@@ -66,19 +67,16 @@ def read_step(message: bytes) -> StepAnswer:
         ProtocolError: It is something else.
         GameError: The reward is not finite.
     """
-    answer = _object(message)
-    reward = _field(answer, "reward", message)
+    answer = _read(message)
+    reward = answer.get("reward")
     if isinstance(reward, bool) or not isinstance(reward, int | float):
-        raise ProtocolError(f"the reward must be a number, this came: {_shown(reward)}", _HINT)
-    is_done = _field(answer, "done", message)
-    if not isinstance(is_done, bool):
-        raise ProtocolError(f"done must be true or false, this came: {_shown(is_done)}", _HINT)
-    return StepAnswer(_field(answer, "observation", message), _finite(reward), is_done)
+        raise answer.unexpected("reward", "a number", reward)
+    return StepAnswer(answer.get("observation"), _finite(reward), answer.flag("done"))
 
 
 def read_reset(message: bytes) -> Any:
     """Read the answer to a reset: the first observation. Errors as :func:`read_step`."""
-    return _field(_object(message), "init_observation", message)
+    return _read(message).get("init_observation")
 
 
 def read_render(message: bytes) -> int:
@@ -87,31 +85,20 @@ def read_render(message: bytes) -> int:
     Raises:
         ProtocolError: It is something else.
     """
-    code = _field(_object(message), "render_error", message)
+    answer = _read(message)
+    code = answer.text("render_error")
     # More digits than an error code can have would make `int` slow, or refuse.
-    if not isinstance(code, str) or len(code) > 6 or not (code.isascii() and code.isdigit()):
-        raise ProtocolError(f"render_error must be a code such as '0', not {_shown(code)}", _HINT)
+    if len(code) > 6 or not (code.isascii() and code.isdigit()):
+        raise answer.unexpected("render_error", "a code such as '0'", code)
     return int(code)
 
 
-def _object(message: bytes) -> dict[str, Any]:
+def _read(message: bytes) -> JsonObject:
     try:
-        answer: Any = parse_godot_json(message)
+        return JsonObject(parse_godot_json(message), "answer", _HINT)
     except ValueError as error:
-        raise ProtocolError(
-            f"the game sent something that is no JSON ({error}): {_shown(message)}", _HINT
-        ) from error
-    if not isinstance(answer, dict):
-        raise ProtocolError(f"the game must send a JSON object, not {_shown(answer)}", _HINT)
-    return cast(dict[str, Any], answer)
-
-
-def _field(answer: dict[str, Any], name: str, message: bytes) -> Any:
-    if name not in answer:
-        raise ProtocolError(
-            f"expected an answer with {name!r}, this came: {_shown(message)}", _HINT
-        )
-    return answer[name]
+        text = f"the game sent something that is not JSON ({error}): {short(message)}"
+        raise ProtocolError(text, _HINT) from error
 
 
 def _finite(reward: float) -> float:
@@ -122,8 +109,3 @@ def _finite(reward: float) -> float:
     if not math.isfinite(value):
         raise GameError(f"the reward is {value}", "look at get_reward() of the game")
     return value
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= _NUM_SHOWN else f"{text[:_NUM_SHOWN]}…"

@@ -64,7 +64,7 @@ class Agents:
         if before is not None and before.settings == settings:
             return
         if before is not None:
-            log.warning("agent %s begins anew with other settings", settings.name)
+            log.warning("agent %s starts over with other settings", settings.name)
             self._save_unsaved(before)
         self._agents[settings.name] = Agent(settings, self._seed, self._device)
         self._saved_steps.pop(settings.name, None)
@@ -157,7 +157,7 @@ class Agents:
             self._checkpoints.load(agent, settings.name)
         except CheckpointError as error:
             raise CheckpointError(
-                f"{settings.name} begins anew: {error.message}",
+                f"{settings.name} starts over: {error.message}",
                 f"{error.hint}; what was saved is kept under another name once it learns",
             ) from None
         self._saved_steps[settings.name] = agent.num_steps

@@ -8,7 +8,7 @@
             config.json
             checkpoints/step-000000000100/
         hero_1000/              what the game asked to keep under this name
-        hero.old-1/             what hero was before it began anew; never removed
+        hero.old-1/             what hero was before it started over; never removed
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ class AgentCheckpoints:
         before = path.with_name(f".before-{path.name}")
         with disk_errors(str(path)):
             shutil.rmtree(before, ignore_errors=True)
-            if path.exists():  # corrupt, or of an agent that is no more
+            if path.exists():  # corrupt, or of an agent that was replaced
                 path.rename(before)
         write_checkpoint(path, _checkpoint(agent, config))
         shutil.rmtree(before, ignore_errors=True)

@@ -57,7 +57,7 @@ class GodotAi:
         }
 
     def answer(self, message: Mapping[str, Any]) -> Answer:
-        """Do what a message asks for; what is wrong with it stands in the answer's ``error``."""
+        """Do what a message asks for; what is wrong with it is in the answer's ``error``."""
         command = message.get("command")
         handler = self._handlers.get(command) if isinstance(command, str) else None
         if handler is None:
@@ -81,14 +81,14 @@ class GodotAi:
     def _init(self, message: Fields) -> Answer:
         layers, widths = (0, MAX_LAYERS), (1, MAX_WIDTH)
         settings = AgentSettings(
-            name=message.name("file_name"),
-            state_size=message.count("state_dim", 1, 1_000_000),
-            action_size=message.count("action_dim", *widths),
-            batch_size=message.count("batchsize", 1, 1_000_000),
-            hidden_size=message.count("hidden_size", *widths),
-            num_actor_layers=message.count("num_actor_layers", *layers),
-            num_critic_layers=message.count("num_critic_layers", *layers),
-            replay_capacity=message.count("replay_capacity", 1, 1_000_000_000),
+            name=message.file_name("file_name"),
+            state_size=message.integer("state_dim", 1, 1_000_000),
+            action_size=message.integer("action_dim", *widths),
+            batch_size=message.integer("batchsize", 1, 1_000_000),
+            hidden_size=message.integer("hidden_size", *widths),
+            num_actor_layers=message.integer("num_actor_layers", *layers),
+            num_critic_layers=message.integer("num_critic_layers", *layers),
+            replay_capacity=message.integer("replay_capacity", 1, 1_000_000_000),
         )
         self._agents.create(settings)
         return {"done": True}
@@ -129,11 +129,11 @@ class GodotAi:
 
     def _train(self, message: Fields) -> Answer:
         name = self._known(message)
-        num_steps = message.count("steps", 0, MAX_STEPS)
-        also = message.name("checkpoint_name") if message.text("checkpoint_name", "") else name
+        num_steps = message.integer("steps", 0, MAX_STEPS)
+        also = message.file_name("checkpoint_name") if message.text("checkpoint_name", "") else name
         metrics = self._agents.learn(name, num_steps, self._is_stopping)
         self._agents.save(name, also)
-        if metrics and message.flag("print_logs", False):
+        if metrics and message.is_true("print_logs", False):
             log.info("%s: %s", name, ", ".join(f"{k} {v:.4g}" for k, v in metrics.items()))
         return {"done": True}
 
@@ -145,7 +145,7 @@ class GodotAi:
     # --- parts of them --------------------------------------------------------------------------
 
     def _known(self, message: Fields) -> str:
-        name = message.name("file_name")
+        name = message.file_name("file_name")
         if name not in self._agents.by_name:
             raise unknown_agent(name, self._agents.by_name, message.where)
         return name
@@ -153,13 +153,13 @@ class GodotAi:
     def _batch(self, message: Fields) -> tuple[dict[str, list[float]], LudusError | None]:
         """Return the actions of all agents by name, and the first thing that is wrong."""
         path = message.text("path")
-        table = message.table("deterministic_map") if message.has("deterministic_map") else {}
-        deterministic = Fields(table, "deterministic_map")
+        table = message.optional("deterministic_map")
+        deterministic = Fields({} if table is None else table, "deterministic_map")
         actions: dict[str, list[float]] = {}
         errors: list[LudusError] = []
         for name, numbers in self._files.read(path).all():
             try:
-                is_deterministic = deterministic.flag(name, False)
+                is_deterministic = deterministic.is_true(name, False)
                 actions[name] = self._actions(name, numbers, path, is_deterministic)
             except LudusError as error:
                 errors.append(error)

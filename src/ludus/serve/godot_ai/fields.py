@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from reprlib import repr as short
 from typing import Any, cast
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ludus.errors import GameError, ProtocolError
+from ludus.wire.json_object import JsonObject
 
 __all__ = ["Fields", "as_numbers", "short"]
 
@@ -22,91 +23,34 @@ _HINT = "look for a division by zero in get_state, apply_action or get_score"
 _NAME = re.compile(r"\w[\w .\-]*")
 
 
-class Fields:
-    """Typed access to one JSON object.
-
-    Args:
-        values: The object.
-        where: What it is, such as ``"init"``, for messages.
-    """
-
-    def __init__(self, values: Mapping[str, Any], where: str) -> None:
-        self._values = values
-        self.where = where
-
-    def has(self, key: str) -> bool:
-        """Return whether there is such a field."""
-        return key in self._values
+class Fields(JsonObject):
+    """Typed access to one JSON object, for what a game for godot-ai sends."""
 
     def all(self) -> Iterable[tuple[str, Any]]:
         """Return all fields."""
-        return self._values.items()
+        return self._fields.items()
 
-    def get(self, key: str) -> Any:
-        """Return a field as it is; raise ``ProtocolError`` if it is missing."""
-        if key not in self._values:
-            had = ", ".join(map(str, list(self._values)[:12])) or "nothing"
-            raise ProtocolError(f"{self.where}: {key} is missing; it has {had}")
-        return self._values[key]
-
-    def text(self, key: str, default: str | None = None) -> str:
-        """Return a text; ``default`` if the field is missing and there is one."""
-        if default is not None and key not in self._values:
-            return default
-        value = self.get(key)
-        if not isinstance(value, str):
-            raise self.error(key, "a text", value)
-        return value
-
-    def name(self, key: str, default: str | None = None) -> str:
+    def file_name(self, key: str) -> str:
         """Return a name that is also one of a file."""
-        value = self.text(key, default)
+        value = self.text(key)
         if not _NAME.fullmatch(value) or len(value) > MAX_NAME:
             letters = "letters, digits, _ - . and blanks"
-            raise self.error(key, f"a name of {letters}, {MAX_NAME} at most", value)
+            raise self.unexpected(key, f"a name of {letters}, {MAX_NAME} at most", value)
         return value
 
-    def flag(self, key: str, default: bool) -> bool:
+    def is_true(self, key: str, default: bool) -> bool:
         """Return true or false; numbers count as in GDScript."""
-        value = self._values.get(key, default)
+        value = self._fields.get(key, default)
         if not isinstance(value, bool | int | float):
-            raise self.error(key, "true or false", value)
+            raise self.unexpected(key, "true or false", value)
         return bool(value)
-
-    def count(self, key: str, low: int, high: int) -> int:
-        """Return a whole number in ``[low, high]``; ``5.0`` is one, as Godot makes such."""
-        value = self.get(key)
-        is_whole = type(value) is int or (isinstance(value, float) and value.is_integer())
-        if not is_whole:
-            raise self.error(key, "a whole number", value)
-        if not low <= value <= high:
-            raise self.error(key, f"from {low} to {high}", value)
-        return int(value)
-
-    def table(self, key: str) -> dict[str, Any]:
-        """Return an object."""
-        value = self.get(key)
-        if not isinstance(value, dict):
-            raise self.error(key, "an object", value)
-        return cast(dict[str, Any], value)
-
-    def items(self, key: str) -> list[Any]:
-        """Return a list."""
-        value = self.get(key)
-        if not isinstance(value, list):
-            raise self.error(key, "a list", value)
-        return cast(list[Any], value)
-
-    def error(self, key: str, expected: str, value: object) -> ProtocolError:
-        """Return the error that a field is not what was expected."""
-        return ProtocolError(f"{self.where}: {key} must be {expected}, not {short(value)}")
 
 
 def as_numbers(value: Any, where: str) -> NDArray[np.float32]:
     """Return a flat list of finite numbers as ``float32[n]``.
 
     Raises:
-        ProtocolError: It is no list of numbers.
+        ProtocolError: It is not a list of numbers.
         GameError: One of them is NaN, infinite, or too large for 32 bits.
     """
     if not isinstance(value, list):

@@ -22,7 +22,7 @@ _START_BYTES = 64
 _BLANK = b" \t\r\n"
 _OUTSIDE = re.compile(rb'["{}]')
 _INSIDE = re.compile(rb'["\\]')
-_HINT = "something that is no godot-ai game may be speaking on this connection"
+_HINT = "something other than a godot-ai game may be speaking on this connection"
 
 
 class JsonStream:
@@ -111,4 +111,4 @@ def _parse(data: bytes) -> dict[str, Any]:
         # It begins with a brace, so it is an object.
         return cast(dict[str, Any], parse_godot_json(data))
     except ValueError as error:
-        raise ProtocolError(f"a message is no JSON: {error}", _HINT) from error
+        raise ProtocolError(f"a message is not JSON: {error}", _HINT) from error

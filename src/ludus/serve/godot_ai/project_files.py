@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from ludus.disk import disk_errors
 from ludus.errors import ProtocolError
@@ -49,7 +49,7 @@ class ProjectFiles:
         try:
             found = (self.root / path.removeprefix("res://")).resolve()
         except (OSError, ValueError, RuntimeError) as error:  # NUL bytes, links in a circle
-            raise ProtocolError(f"{short(path)} is no path: {error}", _HINT) from None
+            raise ProtocolError(f"{short(path)} is not a path: {error}", _HINT) from None
         if not found.is_relative_to(self.root):
             raise ProtocolError(f"the path {short(path)} leads out of the project", _HINT)
         return found
@@ -58,7 +58,7 @@ class ProjectFiles:
         """Return the object in a file.
 
         Raises:
-            ProtocolError: It leads out of the project, is missing, too large, or no JSON object.
+            ProtocolError: It leads out of the project, is missing, too large, or not JSON object.
         """
         found = self.find(path)
         if not found.is_file():
@@ -76,10 +76,8 @@ class ProjectFiles:
         try:
             value = parse_godot_json(data)
         except ValueError as error:
-            raise ProtocolError(f"{path} is no JSON: {error}") from error
-        if not isinstance(value, dict):
-            raise ProtocolError(f"{path} must hold an object, not {short(value)}")
-        return Fields(cast(dict[str, Any], value), path)
+            raise ProtocolError(f"{path} is not JSON: {error}") from error
+        return Fields(value, path)
 
     def write(self, name: str, values: dict[str, Any]) -> str:
         """Write a file into the folder for bulk data, whole or not at all.

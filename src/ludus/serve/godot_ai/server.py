@@ -1,6 +1,6 @@
 """The server of godot-ai games: sockets, a thread for each client, deadlines.
 
-Messages are answered one at a time in one thread, whoever they come from: no locks are needed,
+Messages are answered one at a time in one thread, for all clients: no locks are needed,
 and PyTorch keeps to the number of threads that was set, which it remembers per thread. A client
 that breaks the rules is told so and dropped; the others notice nothing.
 """
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import logging
-import os
 import queue
 import socket
 import threading
@@ -19,12 +18,12 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from ludus.errors import EngineTimeout, LudusError, ProtocolError, SetupError
+from ludus.link import ByteStream, LinkClosed, listen_tcp
 from ludus.serve.godot_ai.json_stream import JsonStream
 
 __all__ = ["Answering", "Server", "ServerConfig"]
 
 POLL_S = 0.1
-READ_BYTES = 1 << 16
 LINGER_S = 1.0
 """How long a client that is dropped may go on sending."""
 
@@ -123,8 +122,8 @@ class Server:
             log.warning("a client could not be accepted: %s", error)
             time.sleep(POLL_S)
             return None
-        name = f"{address[0]}:{address[1]}"
-        return _Client(connection, name, self._config, self._requests, self._is_stopping)
+        stream = ByteStream(connection, f"{address[0]}:{address[1]}")
+        return _Client(stream, self._config, self._requests, self._is_stopping)
 
 
 class _Request:
@@ -155,103 +154,90 @@ class _Client:
 
     def __init__(
         self,
-        connection: socket.socket,
-        name: str,
+        stream: ByteStream,
         config: ServerConfig,
         requests: queue.SimpleQueue[_Request],
         is_stopping: threading.Event,
     ) -> None:
-        self.name = name
-        self._socket = connection
+        self.name = stream.peer
+        self._stream = stream
         self._timeout_s = config.message_timeout_s
         self._requests = requests
         self._is_stopping = is_stopping
-        self._stream = JsonStream()
+        self._json = JsonStream()
         self._last_error = ""
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def converse(self) -> None:
         """Have messages answered until the client goes, breaks the rules, or the server stops."""
         log.info("%s connected", self.name)
         try:
-            with self._socket:
-                while (message := self._receive()) is not None:
-                    request = _Request(message)
-                    self._requests.put(request)
-                    answer = request.wait(self._is_stopping)
-                    if answer is None:
-                        break
-                    self._log_error(str(answer.get("error", "")))
-                    self._send(answer)
+            while (message := self._receive()) is not None:
+                request = _Request(message)
+                self._requests.put(request)
+                answer = request.wait(self._is_stopping)
+                if answer is None:
+                    break
+                self._log_error(str(answer.get("error", "")))
+                self._stream.send(json.dumps(answer).encode(), self._timeout_s)
         except LudusError as error:
+            self._refuse(error)
             log.warning("%s was dropped: %s", self.name, error)
-        except OSError as error:
-            log.info("%s has gone: %s", self.name, error)
+        except LinkClosed as error:
+            log.info("%s", error)
         else:
             log.info("%s: the connection has ended", self.name)
+        finally:
+            self._stream.close()
 
     def turn_away(self, reason: str) -> None:
         """End the connection before anything was said."""
-        with self._socket:
-            self._refuse(SetupError(reason))
+        self._refuse(SetupError(reason))
+        self._stream.close()
 
     def _refuse(self, error: LudusError) -> None:
         """Tell the client what is wrong, if it still listens."""
-        try:
-            self._send({"error": str(error)})
-            self._socket.shutdown(socket.SHUT_WR)
-            self._drain()
-        except OSError:
-            log.debug("%s does not listen", self.name)
-
-    def _drain(self) -> None:
-        """Read what still comes: closing with unread data would destroy what was sent last."""
         deadline = time.monotonic() + LINGER_S
-        self._socket.settimeout(LINGER_S)
-        while time.monotonic() < deadline and self._socket.recv(READ_BYTES):
-            pass
+        try:
+            self._stream.send(json.dumps({"error": str(error)}).encode(), LINGER_S)
+            self._stream.shut_down()
+            while True:  # closing with unread data would destroy what was sent last
+                self._stream.receive(deadline, _do_nothing)
+        except (OSError, LinkClosed, EngineTimeout):
+            return
 
     def _receive(self) -> dict[str, Any] | None:
         """Return the next message; None once the client has gone or the server stops.
 
         Raises:
-            ProtocolError: Something else than a message came; the client has been told.
-            EngineTimeout: The rest of a message did not come; the client has been told.
+            ProtocolError: Something else than a message came.
+            EngineTimeout: The rest of a message did not come.
+            LinkClosed: The connection broke.
         """
-        try:
-            return self._read()
-        except LudusError as error:
-            self._refuse(error)
-            raise
-
-    def _read(self) -> dict[str, Any] | None:
         deadline = time.monotonic() + self._timeout_s
-        self._socket.settimeout(POLL_S)
-        while (message := self._stream.take()) is None:
-            is_idle = self._stream.num_pending_bytes == 0
-            if is_idle:
+        while (message := self._json.take()) is None:
+            num_bytes = self._json.num_pending_bytes
+            if num_bytes == 0:
                 deadline = time.monotonic() + self._timeout_s
-            if self._is_stopping.is_set():
-                return None
-            if time.monotonic() > deadline:
-                raise EngineTimeout(
-                    f"the rest of a message did not come within {self._timeout_s:g} s; there are "
-                    f"{self._stream.num_pending_bytes} bytes of it"
-                )
             try:
-                data = self._socket.recv(READ_BYTES)
-            except TimeoutError:
-                continue
-            if not data:
-                if not is_idle:
-                    raise ProtocolError("the connection ended in the middle of a message")
+                self._json.feed(self._stream.receive(deadline, self._check_stopping))
+            except _Stopping:
                 return None
-            self._stream.feed(data)
+            except EngineTimeout:
+                if num_bytes:
+                    raise EngineTimeout(
+                        f"the rest of a message did not come within {self._timeout_s:g} s; there "
+                        f"are {num_bytes} bytes of it"
+                    ) from None
+            except LinkClosed:
+                if num_bytes:
+                    text = "the connection ended in the middle of a message"
+                    raise ProtocolError(text) from None
+                raise
         return message
 
-    def _send(self, answer: Mapping[str, Any]) -> None:
-        self._socket.settimeout(self._timeout_s)
-        self._socket.sendall(json.dumps(answer).encode())
+    def _check_stopping(self) -> None:
+        if self._is_stopping.is_set():
+            raise _Stopping
 
     def _log_error(self, error: str) -> None:
         """Log an error, but not again and again."""
@@ -260,15 +246,18 @@ class _Client:
         self._last_error = error
 
 
+class _Stopping(Exception):  # noqa: N818 - an event
+    """The server ends."""
+
+
+def _do_nothing() -> None:
+    pass
+
+
 def _listen(port: int) -> socket.socket:
-    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     try:
-        if os.name == "posix":  # elsewhere this would let two servers share a port
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.bind(("127.0.0.1", port))
-        listener.listen()
+        listener = listen_tcp(("127.0.0.1", port))
     except (OSError, OverflowError) as error:
-        listener.close()
         raise SetupError(
             f"cannot listen at 127.0.0.1:{port}: {error}",
             "another server is there, ludus serve or the game's own; end it, or choose --port",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import torch
@@ -19,7 +19,7 @@ from ludus.serve.godot_ai.fields import Fields, as_finite, as_numbers, short
 __all__ = ["Submitted", "read_replays"]
 
 Row = tuple[int, dict[str, Any]]
-"""Place in the file, and what stands there."""
+"""Index in the file, and the row."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ def read_replays(file: Fields, agents: Mapping[str, Agent]) -> Submitted:
     """Return all replays of a file that are right.
 
     Raises:
-        ProtocolError: The file is no list of replays at all.
+        ProtocolError: The file is not a list of replays at all.
     """
     rows = file.items("replays")
     groups: dict[str, list[Row]] = {}
@@ -81,10 +81,7 @@ def unknown_agent(name: str, agents: Mapping[str, Agent], where: str) -> GameErr
 
 
 def _fields(row: Any, index: int) -> Fields:
-    where = f"replays[{index}]"
-    if not isinstance(row, dict):
-        raise GameError(f"{where} must be an object, not {short(row)}")
-    return Fields(cast(dict[str, Any], row), where)
+    return Fields(row, f"replays[{index}]")
 
 
 def _all_at_once(rows: Sequence[Row], agent: Agent) -> Sample | None:
@@ -130,7 +127,7 @@ def _checked(fields: Fields, agent: Agent) -> dict[str, Any]:
     """
     done = fields.get("done")
     if done not in (0, 1):
-        raise fields.error("done", "0 or 1", done)
+        raise fields.unexpected("done", "0 or 1", done)
     settings = agent.settings
     return {
         "state": _vector(fields, "state", settings.state_size),

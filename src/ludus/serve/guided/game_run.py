@@ -1,4 +1,4 @@
-"""The run of a game: one that is there goes on, and whatever does not fit it begins anew."""
+"""The run of a game: resume the one of its name, or start a new one if that does not match."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from ludus.training.trainer import Trainer
 __all__ = ["GameRun", "game_config", "opened_run"]
 
 NO_LIMIT = 10**15
-"""Agent steps of a run that ends when somebody says so."""
+"""Total agent steps of a run that trains until it is stopped."""
 POLICIES = "policies"
 UNNAMED = "game"
 
@@ -37,14 +37,14 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class GameRun:
-    """A run that is ready to be trained.
+    """A run that is ready for training.
 
     Attributes:
-        folder: Where it is; nobody else trains there.
-        trainer: Trains it.
-        learners: By policy.
+        folder: Its folder, locked against other processes.
+        trainer: Its trainer.
+        learners: Learners by policy.
         config: Effective settings.
-        message: How it came to be, a sentence for people.
+        message: Whether it is new or resumed, as a sentence for people.
         stop_reason: How training ended, for ``ludus runs``.
     """
 
@@ -57,11 +57,11 @@ class GameRun:
 
     @property
     def policies_folder(self) -> Path:
-        """Where policies are written unless somewhere else."""
+        """Default folder for exported policies."""
         return self.folder.path / POLICIES
 
     def end(self) -> None:
-        """Leave how training ended; a run in which nothing was trained or written is removed.
+        """Write how training ended; remove the run if nothing was trained or written.
 
         Raises:
             RunError: A file cannot be written.
@@ -76,10 +76,10 @@ class GameRun:
 def game_config(config: TrainConfig, name: str | None, pool: Pool) -> TrainConfig:
     """Return the settings of a game's run: those of its scene, in the folder of its name.
 
-    The seed stays none if it is: a run that goes on has one already.
+    A seed of None stays None, since a resumed run has a seed already.
 
     Raises:
-        ConfigError: A setting of the scene is unknown, or does not fit.
+        ConfigError: A setting of the scene is unknown or not valid.
     """
     stem = re.sub(r"[^\w.-]+", "-", PurePosixPath(pool.spec.scene).stem).strip(".-")
     named = replace(
@@ -97,27 +97,27 @@ def game_config(config: TrainConfig, name: str | None, pool: Pool) -> TrainConfi
 
 @contextmanager
 def opened_run(config: TrainConfig, pool: Pool) -> Generator[GameRun, None, None]:
-    """Find or make the run that ``config`` names, and hold it until the context ends.
+    """Resume or create the run that ``config`` names, and lock it until the context ends.
 
     Args:
-        config: As :func:`game_config` makes it. Its seed is that of a new run; none draws one.
+        config: Result of :func:`game_config`. Its seed is for a new run; None: random.
         pool: The game.
 
     Raises:
-        RunError: Another process trains it, the folder is something else, or cannot be written to.
-        ConfigError: A setting does not fit.
+        RunError: Another process trains the run, or its folder is not a run or not writable.
+        ConfigError: A setting is not valid.
     """
     folder = RunFolder(config.runs / config.name)
     with ExitStack() as stack:
         _hold(stack, folder)
         try:
-            run = _resumed(config, pool, folder)
+            run = _resume(config, pool, folder) or _create(config, pool, folder)
         except CheckpointError as error:
             stack.close()
-            aside = _put_aside(folder)
+            kept = _rename_old(folder)
             _hold(stack, folder)
-            run = replace(_begun(config, pool, folder), message=_explain(aside, error))
-        run = run or _begun(config, pool, folder)
+            message = f"new run; the previous one is kept as {kept.name}: {error.message}"
+            run = replace(_create(config, pool, folder), message=message)
         folder.write_config(run.config)
         folder.forget_result()
         run.trainer.begin()
@@ -131,95 +131,89 @@ def opened_run(config: TrainConfig, pool: Pool) -> Generator[GameRun, None, None
 
 
 def _hold(stack: ExitStack, folder: RunFolder) -> None:
-    """Make the folder if need be, and keep everybody else out of it."""
+    """Create the folder if it is missing, and lock it against other processes."""
     with disk_errors(f"the run folder {folder.path}"):
         folder.path.mkdir(parents=True, exist_ok=True)
     stack.enter_context(folder.locked())
     is_run = (folder.path / "config.json").is_file()
     if not is_run and any(not path.name.startswith(".") for path in folder.path.iterdir()):
         raise RunError(
-            f"the folder {folder.path} is there, and is no run",
-            "give the run of the game another name, or move the folder away",
+            f"the folder {folder.path} exists and is not a run",
+            "give the game's run another name, or move the folder away",
         )
     stack.enter_context(log_file(folder))
 
 
-def _begun(config: TrainConfig, pool: Pool, folder: RunFolder) -> GameRun:
+def _create(config: TrainConfig, pool: Pool, folder: RunFolder) -> GameRun:
     if config.seed is None:
         config = replace(config, seed=secrets.randbits(31))
-    return _run(config, pool, folder, f"new run {folder.path.name}")
+    return _make_run(config, pool, folder, f"new run {folder.path.name}")
 
 
-def _run(config: TrainConfig, pool: Pool, folder: RunFolder, message: str) -> GameRun:
+def _make_run(config: TrainConfig, pool: Pool, folder: RunFolder, message: str) -> GameRun:
     learners = make_learners(config, pool)
     trainer = Trainer(config, pool, learners, folder)
     return GameRun(folder, trainer, learners, config, message)
 
 
-def _resumed(config: TrainConfig, pool: Pool, folder: RunFolder) -> GameRun | None:
-    """Return the run as its newest checkpoint has it; None if it has none.
+def _resume(config: TrainConfig, pool: Pool, folder: RunFolder) -> GameRun | None:
+    """Return the run as of its newest checkpoint; None if it has no checkpoints.
 
     Raises:
-        CheckpointError: There is none that fits.
+        CheckpointError: None of its checkpoints can be used.
     """
     store = folder.checkpoints(config.keep_checkpoints)
     store.clean()
     if not store.paths():
         return None
     path, checkpoint = store.newest(has_replay=True, set_aside=True)
-    _check_fit(checkpoint, config, pool, path)
+    _check_match(checkpoint, config, pool, path)
     config = replace(config, seed=checkpoint.config.get("seed"))
     message = f"{folder.path.name} goes on at {checkpoint.agent_steps} steps"
     try:
-        run = _resume(config, pool, folder, checkpoint)
+        run = _load(config, pool, folder, checkpoint)
     except CheckpointError:
         if not any(learner.replay for learner in checkpoint.learners.values()):
             raise
-        run = _resume(config, pool, folder, _without_replay(checkpoint))
-        message += ", without its replay, which does not fit any more"
+        learners = {name: replace(of, replay={}) for name, of in checkpoint.learners.items()}
+        run = _load(config, pool, folder, replace(checkpoint, learners=learners))
+        message += ", without its replay, which no longer matches"
     MetricsLog.forget_after(folder.metrics, checkpoint.agent_steps)
     log.info("resumed from %s", path)
     return replace(run, message=message)
 
 
-def _resume(config: TrainConfig, pool: Pool, folder: RunFolder, checkpoint: Checkpoint) -> GameRun:
-    run = _run(config, pool, folder, "")
+def _load(config: TrainConfig, pool: Pool, folder: RunFolder, checkpoint: Checkpoint) -> GameRun:
+    run = _make_run(config, pool, folder, "")
     try:
         run.trainer.resume(checkpoint)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise CheckpointError(f"it does not fit: {type(error).__name__}: {error}") from None
+        raise CheckpointError(
+            f"its checkpoint cannot be loaded: {type(error).__name__}: {error}"
+        ) from None
     return run
 
 
-def _without_replay(checkpoint: Checkpoint) -> Checkpoint:
-    learners = {name: replace(of, replay={}) for name, of in checkpoint.learners.items()}
-    return replace(checkpoint, learners=learners)
-
-
-def _check_fit(checkpoint: Checkpoint, config: TrainConfig, pool: Pool, path: Path) -> None:
+def _check_match(checkpoint: Checkpoint, config: TrainConfig, pool: Pool, path: Path) -> None:
     """Refuse a checkpoint of other policies, which must neither be used nor overwritten.
 
     Raises:
-        CheckpointError: It names what differs.
+        CheckpointError: The text names what differs.
     """
     ours = {name: policy.fingerprint() for name, policy in pool.policies.items()}
     for name in sorted(ours.keys() | checkpoint.fingerprints.keys()):
         if ours.get(name) != checkpoint.fingerprints.get(name):
-            raise CheckpointError(f"{path} has other observations or actions of policy {name}")
+            raise CheckpointError(f"in {path} policy {name} has other observations or actions")
         before = checkpoint.config.get("policies", {}).get(name, {}).get("algorithm")
         if before != config.policies[name].algorithm:
-            raise CheckpointError(f"{path} has policy {name} trained by {before}")
+            raise CheckpointError(f"in {path} policy {name} was trained with {before}")
 
 
-def _put_aside(folder: RunFolder) -> Path:
-    """Give the run a name of its own, under which it stays."""
+def _rename_old(folder: RunFolder) -> Path:
+    """Rename the run's folder to one that is free; return the new path."""
     attempt = 1
-    while (aside := folder.path.with_name(f"{folder.path.name}.old-{attempt}")).exists():
+    while (renamed := folder.path.with_name(f"{folder.path.name}.old-{attempt}")).exists():
         attempt += 1
-    with disk_errors(f"the folder {aside}"):
-        folder.path.rename(aside)
-    return aside
-
-
-def _explain(aside: Path, error: CheckpointError) -> str:
-    return f"new run; the one that was there is kept as {aside.name}: {error.message}"
+    with disk_errors(f"the folder {renamed}"):
+        folder.path.rename(renamed)
+    return renamed

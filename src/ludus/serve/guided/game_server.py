@@ -7,7 +7,6 @@ trained. The thread sleeps while there are none.
 from __future__ import annotations
 
 import logging
-import os
 import selectors
 import socket
 import threading
@@ -15,7 +14,7 @@ import time
 from dataclasses import dataclass
 
 from ludus.errors import LudusError, ProtocolError, SetupError
-from ludus.link import Link
+from ludus.link import Link, listen_tcp
 from ludus.serve.guided.pending_connection import PendingConnection, is_closed_by_peer
 from ludus.wire.handshake import Hello
 from ludus.wire.training import Training, read_training
@@ -251,14 +250,9 @@ class GameServer:
 
 
 def _listen(port: int) -> socket.socket:
-    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     try:
-        if os.name == "posix":  # elsewhere this would let two servers share a port
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.bind(("127.0.0.1", port))
-        listener.listen(BACKLOG)
+        listener = listen_tcp(("127.0.0.1", port), BACKLOG)
     except (OSError, OverflowError) as error:
-        listener.close()
         raise SetupError(
             f"cannot listen at 127.0.0.1:{port}: {error}",
             "another ludus serve or ludus train is there; end it, or choose another --port",

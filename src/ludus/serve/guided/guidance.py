@@ -1,4 +1,4 @@
-"""What is done for a game that guides its training: stand by, train, play a round."""
+"""Carry out the requests of a game that guides its training: stand by, train, play a round."""
 
 from __future__ import annotations
 
@@ -39,21 +39,21 @@ __all__ = ["Game", "Guidance", "State"]
 POLL_S = 0.05
 STATUS_EVERY_S = 0.5
 ROUND_SEED = 1_000_003
-"""How far the worlds of rounds are from those of training."""
+"""Distance between the seeds of rounds, and of rounds from training."""
 
 State = Literal["standby", "training", "playing", "ended"]
-"""What goes on: nothing, training, a round; ``ended`` is the run of a game that does not guide."""
+"""What the server does; ``ended``: a game that does not guide its training has said stop."""
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Game:
-    """The game at the other end.
+    """A connected game.
 
     Attributes:
-        session: The conversation.
-        pool: The same, as training sees it.
+        session: The session with it.
+        pool: The pool over that session.
     """
 
     session: GuidedSession
@@ -61,7 +61,7 @@ class Game:
 
 
 class Guidance:
-    """Does for one game what it asks for, and tells it how that goes.
+    """Carries out the requests of one game, and reports progress to it.
 
     It is also the trainer's :class:`~ludus.training.callback.TrainerCallback`. A game that does not
     guide its training is trained from the start until it says stop.
@@ -69,7 +69,7 @@ class Guidance:
     Args:
         game: The game.
         run: Its run.
-        policies: Folder for its policies; None: in that of the run.
+        policies: Folder for its exported policies; None: in the run's folder.
     """
 
     def __init__(self, game: Game, run: GameRun, policies: Path | None) -> None:
@@ -77,20 +77,20 @@ class Guidance:
         self._pool = game.pool
         self._run = run
         self._policies_folder = policies or run.policies_folder
-        self._rest: State = "standby" if game.session.is_guided else "ended"
-        self._state: State = self._rest if game.session.is_guided else "training"
+        self._idle_state: State = "standby" if game.session.is_guided else "ended"
+        self._state: State = self._idle_state if game.session.is_guided else "training"
         self._next: State = self._state
-        self._after_round: State = self._rest
+        self._after_round: State = self._idle_state
         self._message = run.message
-        self._told_once: dict[str, Any] = {}
+        self._pending_report: dict[str, Any] = {}
         self._status_due_at = 0.0
         self._num_rounds = 0
 
     def conduct(self, is_stopping: Callable[[], bool]) -> StopReason:
-        """Do what the game asks for until ``is_stopping``, or until its run has ended.
+        """Carry out requests until ``is_stopping``, or until the run has ended.
 
         Raises:
-            EngineError: The game has gone, or made a mistake. What was learnt is saved.
+            EngineError: The game is gone or made a mistake; training progress is saved.
             DivergenceError: A loss became NaN or infinite.
             RunError: A file cannot be written.
         """
@@ -107,11 +107,11 @@ class Guidance:
         return "interrupted" if is_stopping() else "stopped"
 
     def is_due(self) -> bool:
-        """Return whether the game asks for something, or waits for a report."""
+        """Return whether the game has requests, or a status report is due."""
         return self._session.has_requests or time.monotonic() >= self._status_due_at
 
     def call(self) -> bool:
-        """Handle requests and report; return whether what goes on has to end."""
+        """Handle requests and report; return whether the current state has to end."""
         requests = [*self._session.take_requests(), *take_requests(self._run.folder.control)]
         for values in requests:
             self._apply(values)
@@ -134,26 +134,26 @@ class Guidance:
             time.sleep(POLL_S)
 
     def _train(self, is_stopping: Callable[[], bool]) -> None:
-        trainer = self._run.trainer
-        trainer.run(is_stopping, SilentReporter(), self)
-        self._say(f"saved checkpoint at {trainer.agent_steps} steps")
+        self._run.trainer.run(is_stopping, SilentReporter(), self)
+        self._say_saved()
 
     def _play(self, is_stopping: Callable[[], bool]) -> None:
         policies = {name: learner.policy for name, learner in self._run.learners.items()}
         self._num_rounds += 1
         seed = (self._run.config.seed or 0) + ROUND_SEED * self._num_rounds
         act = trained_player(policies, self._pool, seed)
-        played = play_round(act, self._pool, seed, lambda: is_stopping() or self._is_leaving())
+
+        def is_ending() -> bool:
+            return is_stopping() or (self.is_due() and self.call())
+
+        played = play_round(act, self._pool, seed, is_ending)
         if played is not None:
-            self._told_once["round"] = {
+            self._pending_report["round"] = {
                 name: {"mean_return": of.mean_return, "episodes": of.num_episodes}
                 for name, of in played.items()
             }
             self._say("played a round")
             self._next = self._after_round
-
-    def _is_leaving(self) -> bool:
-        return self.is_due() and self.call()
 
     # --- requests -------------------------------------------------------------------------------
 
@@ -164,10 +164,10 @@ class Guidance:
             self._warn(f"{error.message} ({error.hint})" if error.hint else error.message)
 
     def _do(self, request: Request) -> None:
-        """Do what a request asks for, or note it as what comes next.
+        """Carry out a request at once, or set the state that follows.
 
         Raises:
-            LudusError: It cannot be done; nothing has changed.
+            LudusError: The request cannot be carried out; nothing has changed.
         """
         match request:
             case SetMode(policy, mode):
@@ -175,33 +175,24 @@ class Guidance:
                 self._say(f"policy {policy}: {mode}")
             case SaveRequest():
                 self._run.trainer.save()
-                self._say(f"saved checkpoint at {self._run.trainer.agent_steps} steps")
+                self._say_saved()
             case WritePolicies():
                 self._write_policies()
             case StartRequest():
-                self._start()
+                if "training" in (self._next, self._after_round):
+                    raise UsageError("training is running already")
+                if self._next == "playing":
+                    self._after_round = "training"
+                else:
+                    self._next = "training"
             case PlayRound():
-                self._begin_round()
+                if self._next == "playing":
+                    raise UsageError("a round is being played already")
+                self._after_round, self._next = self._next, "playing"
             case StopRequest():
-                self._stop()
-
-    def _start(self) -> None:
-        if "training" in (self._next, self._after_round):
-            raise UsageError("training goes on already")
-        if self._next == "playing":
-            self._after_round = "training"
-        else:
-            self._next = "training"
-
-    def _begin_round(self) -> None:
-        if self._next == "playing":
-            raise UsageError("a round is being played already")
-        self._after_round, self._next = self._next, "playing"
-
-    def _stop(self) -> None:
-        if self._next == self._rest:
-            raise UsageError("there is nothing to stop")
-        self._next = self._after_round = self._rest
+                if self._next == self._idle_state:
+                    raise UsageError("there is nothing to stop")
+                self._next = self._after_round = self._idle_state
 
     def _write_policies(self) -> None:
         folder, learners = self._policies_folder, self._run.learners
@@ -210,16 +201,19 @@ class Guidance:
             folder.mkdir(parents=True, exist_ok=True)
         for place, learner in zip(places, learners.values(), strict=True):
             write_model(place, to_model(learner.policy, learner.policy.spec))
-        self._told_once["written"] = {
+        self._pending_report["written"] = {
             name: str(place.resolve()) for name, place in zip(learners, places, strict=True)
         }
         self._say(f"wrote policies to {folder.resolve()}")
 
-    # --- telling --------------------------------------------------------------------------------
+    # --- reports --------------------------------------------------------------------------------
 
     def _say(self, message: str) -> None:
         self._message = message
         log.info("%s", message)
+
+    def _say_saved(self) -> None:
+        self._say(f"saved checkpoint at {self._run.trainer.agent_steps} steps")
 
     def _warn(self, message: str) -> None:
         self._message = message
@@ -227,11 +221,11 @@ class Guidance:
 
     def _show_status(self) -> None:
         self._status_due_at = time.monotonic() + STATUS_EVERY_S
-        told_once, self._told_once = self._told_once, {}
+        pending_report, self._pending_report = self._pending_report, {}
         self._pool.show_status({
             **self._run.trainer.status(),
             "state": self._state,
             "run": str(self._run.folder.path.resolve()),
             "message": self._message,
-            **told_once,
+            **pending_report,
         })  # fmt: skip

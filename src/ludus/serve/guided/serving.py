@@ -33,20 +33,20 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class GuidedConfig:
-    """How to serve.
+    """Settings of ``ludus serve``.
 
     Attributes:
-        port: TCP port on the loopback address; 0 takes a free one.
+        port: TCP port on the loopback address; 0: any free one.
         runs: Folder of the runs.
-        policies: Folder that policies are written to; None: ``policies`` in that of the run.
-        is_once: End when the first game has gone.
-        seed: Of new runs whose game names none; None draws one.
+        policies: Folder for exported policies; None: ``policies`` in the run's folder.
+        is_once: End when the first game has disconnected.
+        seed: Seed of new runs whose game names none; None: random.
         device: PyTorch device, or ``auto``.
-        torch_threads: Threads PyTorch may use.
-        hello_timeout_s: How long a HELLO may take.
-        first_game_timeout_s: With ``is_once``, how long to wait for a game.
-        start_timeout_s: How long a game may take to make its worlds.
-        step_timeout_s: How long an answer may take.
+        torch_threads: Threads that PyTorch may use.
+        hello_timeout_s: How long a HELLO may take, seconds.
+        first_game_timeout_s: With ``is_once``, how long to wait for a game, seconds.
+        start_timeout_s: How long a game may take to create its worlds, seconds.
+        step_timeout_s: How long an answer may take, seconds.
     """
 
     port: int = 11011
@@ -65,19 +65,19 @@ class GuidedConfig:
 def serve_guided(
     config: GuidedConfig, is_stopping: Callable[[], bool], on_ready: Callable[[int], None]
 ) -> None:
-    """Serve games until ``is_stopping``, or until the first has gone if that is wanted.
+    """Serve games until ``is_stopping``, or with ``is_once`` until the first has disconnected.
 
     Args:
         config: How to serve.
-        is_stopping: Asked often, in this thread.
-        on_ready: Called with the port, once games can connect.
+        is_stopping: Called often, in this thread.
+        on_ready: Called with the port once games can connect.
 
     Raises:
         SetupError: The port is taken.
-        ConfigError: A setting does not fit.
-        RunError: The folder of the runs cannot be made.
+        ConfigError: A setting is not valid.
+        RunError: The folder of the runs cannot be created.
         EngineStartError: With ``is_once``, no game connected.
-        LudusError: With ``is_once``, what went wrong with the game, if it did not merely go away.
+        LudusError: With ``is_once``, what went wrong with the game; not that it disconnected.
     """
     choose_device(_settings(config).device)
     torch.set_num_threads(config.torch_threads)
@@ -102,7 +102,7 @@ def _serve_all(server: GameServer, config: GuidedConfig, is_stopping: Callable[[
         elif config.is_once and time.monotonic() > deadline:
             raise EngineStartError(
                 f"no game connected within {config.first_game_timeout_s:g} s",
-                "without --once, ludus serve waits for ever",
+                "without --once, ludus serve waits indefinitely",
             )
 
 
@@ -129,7 +129,7 @@ def _serve_one(game: ConnectedGame, config: GuidedConfig, is_stopping: Callable[
         is_known = isinstance(error, LudusError)
         log.error("%s: %s", game.name, error, exc_info=None if is_known else error)
     else:
-        log.info("%s: the conversation has ended", game.name)
+        log.info("%s: the session has ended", game.name)
     return was_served
 
 
@@ -157,7 +157,7 @@ def _train(
         opened_run(game_config(settings, wanted.run, pool), pool) as run,
     ):
         guidance = Guidance(Game(session, pool), run, config.policies)
-        with _reporting_errors_to(session):  # at once: what follows takes time
+        with _reporting_errors_to(session):  # before the run is written, which takes time
             run.stop_reason = guidance.conduct(is_stopping)
             session.close()
 
@@ -173,7 +173,7 @@ def _settings(config: GuidedConfig) -> TrainConfig:
 
 @contextmanager
 def _reporting_errors_to(session: GuidedSession) -> Generator[None, None, None]:
-    """Report an error to the game, unless it caused it."""
+    """Report an error to the game; does nothing if the session has ended with that error."""
     try:
         yield
     except LudusError as error:

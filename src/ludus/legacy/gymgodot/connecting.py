@@ -1,0 +1,137 @@
+"""Start a GymGodot game, and wait until it has connected; Python is the server here."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ludus.errors import EngineCrashed, EngineStartError, EngineTimeout, ProtocolError
+from ludus.legacy.conversation import Conversation, Patience
+from ludus.legacy.gymgodot.framing import WebSocketFraming
+from ludus.legacy.launching import GameLaunch, GameWatch
+from ludus.link import ByteStream, LinkClosed, listen_tcp
+
+__all__ = ["DEFAULT_RENDER_PATH", "Address", "open_conversation"]
+
+DEFAULT_RENDER_PATH = "./render_frames/"
+"""Where the game saves frames unless told otherwise; as seen from the game's working folder."""
+
+_POLL_S = 0.1
+_HANDSHAKE_S = 5.0
+_NO_SCREEN = "Display is not available"
+_SILENCE_HINT = (
+    "a game that is paused or hangs never answers; if a step really takes longer, raise "
+    "step_timeout_s"
+)
+RENDERER_HINT = (
+    "saving frames takes a renderer: run godot3, not godot3-server, on a desktop or in "
+    "`xvfb-run -a -s '-screen 0 1280x1024x24' godot3 …`"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Address:
+    """Where Python waits for a game, and for how long.
+
+    Attributes:
+        host: Address to listen at.
+        port: Port there; 0 takes a free one.
+        max_message_bytes: Longest message that the game may send.
+        start_timeout_s: How long it may take until the game has connected, seconds.
+        step_timeout_s: How long an answer may take, seconds.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 0
+    max_message_bytes: int
+    start_timeout_s: float = 60.0
+    step_timeout_s: float = 60.0
+
+
+def open_conversation(
+    launch: GameLaunch, address: Address, render_path: str = DEFAULT_RENDER_PATH
+) -> tuple[Conversation[bytes], int]:
+    """Start a game and wait until it has connected; return the conversation and the port.
+
+    Args:
+        launch: How the game is started.
+        address: Where it connects.
+        render_path: What the game puts before the number of a saved frame.
+
+    Raises:
+        TargetError: The target cannot be run.
+        EngineStartError: The port is taken, or the game never connected.
+        EngineCrashed: The command ended before the game connected.
+    """
+    with contextlib.closing(_listen(address.host, address.port)) as listener:
+        port = int(listener.getsockname()[1])
+        arguments = (f"--serverIP={address.host}", f"--serverPort={port}")
+        watch = launch.start((*arguments, f"--renderPath={render_path}"))
+        try:
+            stream, framing = _await_game(listener, address, watch)
+        except BaseException:
+            watch.close()
+            raise
+    patience = Patience(address.step_timeout_s, _SILENCE_HINT)
+    return Conversation(stream, framing, watch, patience), port
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    try:
+        return listen_tcp((host, port))
+    except OSError as error:
+        raise EngineStartError(
+            f"cannot wait for a game at {host}:{port}: {error.strerror or error}",
+            hint="close the environment that uses this port, or choose another serverPort "
+            "(0 takes a free one)",
+        ) from error
+
+
+def _await_game(
+    listener: socket.socket, address: Address, watch: GameWatch
+) -> tuple[ByteStream, WebSocketFraming]:
+    """Wait for a game; other clients are disconnected."""
+    deadline = time.monotonic() + address.start_timeout_s
+    refused = ""
+    listener.settimeout(_POLL_S)
+    while time.monotonic() < deadline:
+        _check_alive(watch)
+        with contextlib.suppress(TimeoutError, ConnectionError):
+            stream = ByteStream(listener.accept()[0])
+            framing = WebSocketFraming(address.max_message_bytes)
+            try:
+                _shake_hands(stream, framing, deadline, watch.check_alive)
+            except (ProtocolError, EngineTimeout, LinkClosed) as error:
+                refused = f"; what did connect was no game: {error}"
+                stream.close()
+            except BaseException:
+                stream.close()
+                raise
+            else:
+                return stream, framing
+    raise EngineStartError(
+        f"no game connected within {address.start_timeout_s:g} s{refused} at "
+        f"{address.host}:{listener.getsockname()[1]}{watch.report()}",
+        hint="the scene needs an enabled GymGodot node, and exeCmd must pass on the "
+        "arguments put at its end; if loading takes longer, raise start_timeout_s",
+    )
+
+
+def _shake_hands(
+    stream: ByteStream, framing: WebSocketFraming, deadline: float, check: Callable[[], None]
+) -> None:
+    deadline = min(deadline, time.monotonic() + _HANDSHAKE_S)
+    while framing.is_connecting:
+        stream.send(framing.feed(stream.receive(deadline, check)), _HANDSHAKE_S)
+
+
+def _check_alive(watch: GameWatch) -> None:
+    try:
+        watch.check_alive()
+    except EngineCrashed as error:
+        if _NO_SCREEN in error.message:
+            raise EngineCrashed(error.message, RENDERER_HINT) from error
+        raise
