@@ -149,7 +149,7 @@ def test_settings_that_contradict(project: Path, films: Path) -> None:
     wrong: list[tuple[dict[str, Any], str]] = [
         ({"num_episodes": 1}, "nobody plays"),
         ({"num_episodes": 0, "is_random": True}, "at least 1"),
-        ({"seconds": 0.0}, "cannot be taken"),
+        ({"seconds": 0.0}, "seconds must be above 0"),
         ({"policy": (films,), "is_random": True}, "exclude each other"),
         ({"policy": (films / "no.ludus.json",)}, "there is no run or policy file"),
         ({"frames_per_second": 25.0}, "cannot have 25 frames"),

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import tyro
 
 from ludus.cli.action_flags import ActionFlags
+from ludus.cli.game_flags import GameFlags
 
 if TYPE_CHECKING:
     from ludus.settings.train_config import TrainConfig
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
 __all__ = ["COMMAND", "EvaluateCommand", "run"]
 
 
-@dataclass(frozen=True)
-class EvaluateCommand(ActionFlags):
+@dataclass(frozen=True, kw_only=True)
+class EvaluateCommand(ActionFlags, GameFlags):
     """Play complete episodes with the agents of a run, or at random, and report their returns.
 
     Attributes:
@@ -30,8 +31,6 @@ class EvaluateCommand(ActionFlags):
         stochastic: Draw actions as in training; with names, only those policies do.
         goal_return: Tell the share of episodes whose return reaches this.
         seed: Seed of worlds and samples.
-        target: Play in this target; none is the one the run was trained in.
-        num_worlds: Worlds in each engine; none is as many as in training.
         num_engines: Game processes side by side.
         json: Print one JSON object on stdout.
     """
@@ -44,8 +43,6 @@ class EvaluateCommand(ActionFlags):
     )
     goal_return: float | None = None
     seed: int = 0
-    target: str | None = None
-    num_worlds: int | None = None
     num_engines: int = 1
     json: bool = False
 
@@ -96,14 +93,5 @@ def _config(command: EvaluateCommand) -> TrainConfig:
     from ludus.target import find_run
 
     if command.random and find_run(Path(command.run)) is None:
-        return TrainConfig(
-            target=command.target or command.run,
-            num_worlds=command.num_worlds or TrainConfig().num_worlds,
-            num_engines=command.num_engines,
-        )
-    return trained_config(
-        Path(command.run),
-        target=command.target,
-        num_worlds=command.num_worlds,
-        num_engines=command.num_engines,
-    )
+        return replace(TrainConfig(command.run), **command.given())
+    return trained_config(Path(command.run), **command.given())

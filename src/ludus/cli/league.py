@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import tyro
 
 from ludus.cli.action_flags import ActionFlags
+from ludus.cli.game_flags import GameFlags
 from ludus.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -28,8 +29,8 @@ CLEAR_WIN = 0.6
 """Shares of points from here on are green, those of the opponent's as high are red."""
 
 
-@dataclass(frozen=True)
-class LeagueCommand(ActionFlags):
+@dataclass(frozen=True, kw_only=True)
+class LeagueCommand(ActionFlags, GameFlags):
     """Let the agents of a run and their past selves play each other, and print who beats whom.
 
     Past selves are those of self-play; a run without it has its older checkpoints. A cell is the
@@ -53,9 +54,6 @@ class LeagueCommand(ActionFlags):
     max_players: int = 8
     recorded: bool = False
     seed: int = 0
-    target: str | None = None
-    num_worlds: int | None = None
-    num_engines: int | None = None
     json: bool = False
 
 
@@ -115,12 +113,7 @@ def _play(
     from ludus.runs.saved import trained_config
     from ludus.training.loop import open_training_pool
 
-    config = trained_config(
-        command.run,
-        target=command.target,
-        num_worlds=command.num_worlds,
-        num_engines=command.num_engines,
-    )
+    config = trained_config(command.run, **command.given())
     torch.set_num_threads(config.torch_threads)
     with Console(stderr=True).status("opening the game") as status:
         pool = open_training_pool(config)

@@ -5,23 +5,24 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from ludus.cli.action_flags import ActionFlags
+from ludus.play.interactive import PlayConfig
+from ludus.settings.checks import AT_LEAST_1, optional, setting
 
 if TYPE_CHECKING:
     from ludus.play.episodes import OnEpisode
-    from ludus.play.interactive import PlayConfig
 
 __all__ = ["COMMAND", "PlayCommand", "run"]
 
 HEADLESS_EPISODES = 10
 
 
-@dataclass(frozen=True)
-class PlayCommand(ActionFlags):
+@dataclass(frozen=True, kw_only=True)
+class PlayCommand(ActionFlags, PlayConfig):
     """Play a game in a window: with trained agents, at random, or by hand.
 
     A run folder plays what was trained there. A game is played by hand, or at random with --random.
@@ -29,26 +30,24 @@ class PlayCommand(ActionFlags):
 
     Attributes:
         target: Run folder or checkpoint of trained agents; or a game: a bundled example, a project
-            folder, a scene, or an exported game.
+            folder, a scene, an exported game, or gym:ENV_ID.
         in_engine: Let the game play the trained agents itself, without Python, as it will when it
             is shipped.
         random: Take random actions.
-        episodes: End after so many episodes of each policy; none plays until the window is closed,
-            without a window ten.
-        headless: Open no window, play as fast as possible and print the returns.
+        num_episodes: End after so many episodes of each policy; none plays until the window is
+            closed, without a window ten.
         scene: Scene of the project; none is the one that was trained, or the main scene.
         seed: Seed of worlds and samples; in the engine, worlds draw their own.
-        godot: Engine to use; none is the one that ludus finds.
     """
 
     target: tyro.conf.Positional[str]
     in_engine: bool = False
     random: bool = False
-    episodes: int | None = None
-    headless: bool = False
+    num_episodes: Annotated[int | None, tyro.conf.arg(name="episodes")] = setting(
+        None, optional(AT_LEAST_1)
+    )
+    is_headless: Annotated[bool, tyro.conf.arg(name="headless")] = False
     scene: str | None = None
-    seed: int = 0
-    godot: Path | None = None
 
 
 COMMAND = PlayCommand
@@ -57,35 +56,28 @@ COMMAND = PlayCommand
 def run(command: PlayCommand) -> int:
     """Play until the end, and return 0."""
     from ludus.errors import ConfigError
-    from ludus.play.interactive import PlayConfig, play_by_hand, play_episodes, require_screen
+    from ludus.play.interactive import play_by_hand, play_episodes, require_screen
     from ludus.play.players import load_player, random_player
     from ludus.target import find_run
 
     target = Path(command.target)
     is_trained = find_run(target) is not None
     stochastic = command.choose()
-    if command.episodes is not None and command.episodes < 1:
-        raise ConfigError(f"episodes must be at least 1, not {command.episodes}")
     if command.in_engine and (command.random or not is_trained):
         raise ConfigError(
             "--in-engine plays what was trained in a run",
             hint="name a run folder, such as runs/cartpole-…, and leave --random out",
         )
-    if not command.headless:
+    if not command.is_headless:
         require_screen()
     elif not command.random and not is_trained:
         raise ConfigError(
             "nobody can play by hand without a window",
             hint="use --random, or name a run folder",
         )
-    config = PlayConfig(
-        target=command.target,
-        scene=command.scene,
-        seed=command.seed,
-        is_headless=command.headless,
-        num_episodes=command.episodes or (HEADLESS_EPISODES if command.headless else None),
-        godot=command.godot,
-    )
+    config: PlayConfig = command
+    if command.is_headless and command.num_episodes is None:
+        config = replace(config, num_episodes=HEADLESS_EPISODES)
     if is_trained:
         config = _as_trained(config)
     if command.in_engine:
@@ -105,9 +97,10 @@ def _as_trained(config: PlayConfig) -> PlayConfig:
     """Return the settings with what the run that is the target was trained with."""
     from ludus.runs.saved import trained_config
 
-    trained = trained_config(Path(config.target), scene=config.scene, godot=config.godot)
-    names = ("target", "scene", "ticks_per_step", "max_episode_steps", "godot")
-    return replace(config, **{name: getattr(trained, name) for name in names})
+    names = ("scene", "ticks_per_step", "max_episode_steps", "godot")
+    typed = {name: getattr(config, name) for name in names}
+    trained = trained_config(Path(config.target), **typed)
+    return replace(config, **{name: getattr(trained, name) for name in ("target", *names)})
 
 
 def _play_in_engine(config: PlayConfig, run_folder: Path, *, is_stochastic: bool) -> None:

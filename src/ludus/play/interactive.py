@@ -15,6 +15,8 @@ from ludus.play.players import MakePlayer
 from ludus.play.playing import Play
 from ludus.pool import PoolConfig, open_pool
 from ludus.session import LaunchOptions
+from ludus.settings.checks import AT_LEAST_1, ONLY_1, optional, setting
+from ludus.settings.pool_config import GameConfig
 from ludus.target import check_accepted, parse_target
 
 __all__ = ["PlayConfig", "play_by_hand", "play_episodes", "require_screen"]
@@ -24,28 +26,21 @@ CLOSED_BY_HAND = 0
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlayConfig:
+class PlayConfig(GameConfig):
     """What to play, and how it is shown.
 
     Attributes:
-        target: As for :func:`ludus.make`.
-        scene: Scene of the project; None: its main scene.
-        seed: Seed of the world and of samples.
-        is_headless: Open no window and play as fast as possible.
+        target: What docs/targets.md lists for ``play``.
+        seed: Seed of worlds and samples.
+        is_headless: Open no window, play as fast as possible and print the returns.
         num_episodes: Episodes of every policy; None: until the window is closed.
-        ticks_per_step: Physics ticks per decision; None: what the agents say.
-        max_episode_steps: Steps until truncation; None: what the agents say.
-        godot: Engine to use; None: the one that is found.
     """
 
     target: str | Path
-    scene: str | Path | None = None
+    num_engines: int = setting(1, ONLY_1)
     seed: int = 0
     is_headless: bool = False
-    num_episodes: int | None = None
-    ticks_per_step: int | None = None
-    max_episode_steps: int | None = None
-    godot: Path | None = None
+    num_episodes: int | None = setting(None, optional(AT_LEAST_1))
 
 
 def require_screen() -> None:
@@ -77,12 +72,7 @@ def play_episodes(config: PlayConfig, player: MakePlayer, on_episode: OnEpisode)
     target = parse_target(config.target, scene=config.scene, godot=config.godot)
     check_accepted("play", target)
     launch = LaunchOptions(is_windowed=not config.is_headless, is_real_time=not config.is_headless)
-    settings = PoolConfig(
-        ticks_per_step=config.ticks_per_step,
-        max_episode_steps=config.max_episode_steps,
-        is_pinned=config.is_headless,
-        launch=launch,
-    )
+    settings = PoolConfig.of(config, is_pinned=config.is_headless, launch=launch)
     try:
         with open_pool(target, settings) as pool:
             counter = EpisodeCounter(pool.policies, config.num_episodes, on_episode)

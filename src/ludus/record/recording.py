@@ -15,6 +15,8 @@ from ludus.pool import PoolConfig, open_pool
 from ludus.record.film import Film, check_out
 from ludus.record.film_kinds import choose_rate
 from ludus.record.shot import Shot
+from ludus.settings.checks import ABOVE_0, AT_LEAST_0, AT_LEAST_1, ONLY_1, optional, setting
+from ludus.settings.pool_config import GameConfig
 from ludus.target import (
     Executable,
     Gymnasium,
@@ -33,27 +35,26 @@ MAX_SECONDS = 600.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class RecordConfig:
+class RecordConfig(GameConfig):
     """What to film.
 
     Attributes:
-        target: As for :func:`ludus.make`, ``gym:ENV_ID``, or a run folder, which is then the
-            policy, too.
-        out: File to write; its ending says which kind of film.
-        policy: A run folder or one of its checkpoints, or policy files, one for each policy of
-            the game. Empty: the game as it is.
+        target: A bundled example, a project folder, a scene, gym:ENV_ID, or a run folder, which is
+            then the policy, too.
+        out: File to write: .mp4, .webm or .gif.
+        policy: Run folder or checkpoint of trained agents; or policy files (.ludus.json), one for
+            each policy of the game. Empty: the game as it is.
         is_random: Take random actions.
         is_stochastic: Draw actions as in training, instead of taking the most probable ones.
-        num_episodes: End after so many episodes of every policy; None: with ``seconds``.
-        seconds: Length of the film, at most. None: ten, or ten minutes with ``num_episodes``.
-        start: Seconds left out at the beginning.
-        frames_per_second: Of the film, the game's own or a whole fraction of it; None: at most
-            30, of a GIF 20.
-        width: Of the film, pixels; None: the window's.
-        window: Width and height of the game's window, pixels; None: the project's.
-        scene: Scene of the project; None: the one that was trained, or the main scene.
-        seed: Of worlds and of samples.
-        godot: Engine to use; None: the one that is found.
+        num_episodes: End after so many episodes of each policy; none ends with ``seconds``.
+        seconds: Length of the film at most; none is 10, with a number of episodes 600.
+        start: Seconds to leave out at the beginning.
+        frames_per_second: Frames per second of the film; none is half of the game's 60, of a .gif
+            a third.
+        width: Width of the film in pixels; none is that of the window.
+        window: Width and height of the game's window; none is what the project says.
+        scene: Scene of the project; none is the one that was trained, or the main scene.
+        seed: Seed of worlds and samples.
     """
 
     target: str
@@ -61,17 +62,14 @@ class RecordConfig:
     policy: tuple[Path, ...] = ()
     is_random: bool = False
     is_stochastic: bool = False
-    num_episodes: int | None = None
-    seconds: float | None = None
-    start: float = 0.0
-    frames_per_second: float | None = None
-    width: int | None = None
+    num_engines: int = setting(1, ONLY_1)
+    num_episodes: int | None = setting(None, optional(AT_LEAST_1))
+    seconds: float | None = setting(None, optional(ABOVE_0))
+    start: float = setting(0.0, AT_LEAST_0)
+    frames_per_second: float | None = setting(None, optional(ABOVE_0))
+    width: int | None = setting(None, optional(AT_LEAST_1))
     window: tuple[int, int] | None = None
-    scene: str | Path | None = None
     seed: int = 0
-    godot: Path | None = None
-    ticks_per_step: int | None = None
-    max_episode_steps: int | None = None
 
     @property
     def longest(self) -> float:
@@ -141,26 +139,15 @@ def _with_run(config: RecordConfig) -> RecordConfig:
         return config
     from ludus.runs.saved import trained_config
 
-    trained = trained_config(run, scene=config.scene, godot=config.godot)
-    return replace(
-        config,
-        target=trained.target if is_run else config.target,
-        scene=trained.scene if is_run else config.scene,
-        godot=trained.godot,
-        ticks_per_step=trained.ticks_per_step,
-        max_episode_steps=trained.max_episode_steps,
-    )
+    names = ("godot", "ticks_per_step", "max_episode_steps", *(["scene"] if is_run else []))
+    trained = trained_config(run, **{name: getattr(config, name) for name in names})
+    changes = {name: getattr(trained, name) for name in names}
+    return replace(config, target=trained.target if is_run else config.target, **changes)
 
 
 def _check(config: RecordConfig) -> None:
     if config.policy and config.is_random:
         raise ConfigError("--policy and --random exclude each other")
-    if config.num_episodes is not None and config.num_episodes < 1:
-        raise ConfigError(f"episodes must be at least 1, not {config.num_episodes}")
-    if config.longest <= 0.0 or config.start < 0.0:
-        raise ConfigError(
-            f"a film of {config.longest:g} s from second {config.start:g} cannot be taken"
-        )
     if config.num_episodes is not None and not (config.policy or config.is_random):
         raise ConfigError(
             "the length is a number of episodes, but nobody plays that could count them",
@@ -177,20 +164,12 @@ def _player(config: RecordConfig) -> MakePlayer:
     return lambda pool: load_player(config.policy, pool, config.seed, config.is_stochastic)
 
 
-def _pool_config(config: RecordConfig) -> PoolConfig:
-    return PoolConfig(
-        ticks_per_step=config.ticks_per_step,
-        max_episode_steps=config.max_episode_steps,
-        godot=config.godot,
-    )
-
-
 def _record_game(config: RecordConfig, scene: Scene) -> Recorded:
     from ludus.record import game_film
 
     def take(shot: Shot) -> dict[str, int]:
         if config.policy or config.is_random:
-            return game_film.film_played(scene, _pool_config(config), _player(config), shot)
+            return game_film.film_played(scene, PoolConfig.of(config), _player(config), shot)
         game_film.film_alone(scene, shot)
         return {}
 
@@ -206,7 +185,7 @@ def _record_pictures(config: RecordConfig, game: Executable) -> Recorded:
             hint="use --policy or --random with a game made with Bevy; of one made with Godot, "
             "film the project that it was exported from",
         )
-    with open_pool(game, _pool_config(config)) as pool:
+    with open_pool(game, PoolConfig.of(config)) as pool:
         return _film(
             config,
             picture_film.picture_rate(pool),

@@ -1,0 +1,29 @@
+from __future__ import annotations
+
+from dataclasses import fields
+
+import pytest
+
+from ludus.cli.main import main
+from ludus.settings.pool_config import GameConfig
+
+
+@pytest.mark.parametrize(
+    "command", ["train", "evaluate", "play", "record", "league", "check", "bench"]
+)
+def test_commands_that_open_a_game_have_the_same_flags(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([command, "--help"]) == 0
+    shown = capsys.readouterr().out
+    for part in fields(GameConfig):
+        assert f"--{part.name.replace('_', '-')} " in shown
+    assert ("--worlds " in shown) == (command == "bench")
+
+
+@pytest.mark.parametrize("command", ["play", "check"])
+def test_commands_that_need_one_engine_say_so(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([command, "gym:CartPole-v1", "--num-engines", "2"]) == 2
+    assert "num_engines must be 1 in this command, not 2" in capsys.readouterr().err
