@@ -139,7 +139,7 @@ class GameWatch(Supervision):
         if set(self._process.script_errors) - self._known_errors:
             raise GameError(
                 f"a script of the game failed:{self.script_errors()}",
-                hint="the script and its line stand behind `at:`",
+                hint="the script and its line follow `at:`",
             )
 
     def report(self) -> str:
