@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import tyro
 
 from ludus.bench import BenchConfig, BenchReport, bench
-from ludus.pool import PoolConfig
 
 CASES = [
     ("cartpole", 1, 1),
@@ -47,8 +46,15 @@ def main(options: Options) -> None:
     seconds, rounds = (0.5, 1) if options.quick else (2.0, 5)
     print(HEAD)
     for target, num_worlds, num_engines in CASES:
-        pool = PoolConfig(num_worlds=num_worlds, num_engines=num_engines)
-        report = bench(BenchConfig(target=target, pool=pool, seconds=seconds, rounds=rounds))
+        report = bench(
+            BenchConfig(
+                target=target,
+                num_worlds=num_worlds,
+                num_engines=num_engines,
+                seconds=seconds,
+                rounds=rounds,
+            )
+        )
         print(row(report), flush=True)
         if num_worlds == 1 and report.socket_echo_us is not None:
             ratio = report.round_trip_us / report.socket_echo_us

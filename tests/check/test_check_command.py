@@ -41,4 +41,4 @@ def test_wrong_target_and_wrong_numbers_are_usage_errors(
 ) -> None:
     assert main(["check", str(games / "nothing.tscn")]) == 2
     assert main(["check", str(games / "good.tscn"), "--steps", "0"]) == 2
-    assert "num_steps is 0" in capsys.readouterr().err
+    assert "num_steps must be at least 1, not 0" in capsys.readouterr().err

@@ -4,7 +4,6 @@ import json
 import signal
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from ludus.cli import train as train_command
 from ludus.cli.figures import sparkline
 from ludus.cli.main import main
 from ludus.errors import ConfigError
+from ludus.settings.merging import merge, resolve
 from ludus.settings.train_config import PPOConfig, SACConfig, TrainConfig
 from ludus.spec import AgentSpec, DiscreteAction, ObservationEntry, PolicySpec
 
@@ -32,7 +32,7 @@ def policy(name: str = "hero", **settings: Any) -> PolicySpec:
 
 def effective(arguments: list[str], *policies: PolicySpec) -> TrainConfig:
     command = train_command.parse(arguments)
-    return train_command.configure(command, {policy.name: policy for policy in policies})
+    return resolve(command.layers, {policy.name: policy for policy in policies}).config
 
 
 def test_layers_scene_file_command_line(tmp_path: Path) -> None:
@@ -84,14 +84,41 @@ def test_a_typed_default_wins_over_the_scene() -> None:
     assert typed.policies["hero"].learning_rate == 0.001
 
 
+def test_flags_are_checked_with_what_the_file_says(tmp_path: Path) -> None:
+    file = tmp_path / "settings.toml"
+    file.write_text("checkpoint_every_updates = 5\n[ppo]\nsequence_length = 10\n")
+    typed = ["x", "--config", str(file), "--exact-resume", "--checkpoint-every-s", "none"]
+    memory = ["--ppo.memory-size", "8", "--ppo.rollout-steps", "100", "--no-compile"]
+    config = effective([*typed, *memory], policy())
+    assert config.exact_resume
+    with pytest.raises(ConfigError, match="command line: ppo: rollout_steps must be a multiple"):
+        effective(["x", *memory], policy())
+
+
+def test_explain_says_where_settings_come_from(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["--num-worlds=4", "--ppo.learning-rate", "0.01", "--runs", str(tmp_path)]
+    assert main(["train", TARGET, *arguments, "--explain"]) == 0
+    rows = {line.split()[0]: line.split(maxsplit=2)[1:] for line in
+            capsys.readouterr().out.splitlines()}  # fmt: skip
+    assert rows["num_worlds"] == ["4", "command line"]
+    assert rows["policies.agent.learning_rate"] == ["0.01", "command line"]
+    assert rows["policies.agent.discount"] == ["0.99", "default"]
+    assert rows["seed"][1] == "random"
+    assert not list(tmp_path.iterdir())
+
+
 def test_unknown_scene_setting_names_the_policy() -> None:
     with pytest.raises(ConfigError, match=r"policy hero .scene.: unknown setting lerning_rate"):
         effective(["x"], policy("hero", lerning_rate=1))
 
 
 def test_a_policy_that_does_not_exist_is_a_wrong_flag() -> None:
-    with pytest.raises(SystemExit) as info:
+    with pytest.raises(ConfigError, match="command line: there is no policy villain"):
         effective(["x", "--policies.villain.discount", "0.5"], policy("hero"))
+    with pytest.raises(SystemExit) as info:
+        effective(["x", "--policies.hero.discont", "0.5"], policy("hero"))
     assert info.value.code == 2
 
 
@@ -144,6 +171,8 @@ def test_train_evaluate_resume(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert json.loads(capsys.readouterr().out)["agent_steps"] == 512
     saved = json.loads((Path(run) / "config.json").read_bytes())
     assert saved["policies"]["agent"]["hidden_sizes"] == [8]
+    assert saved["origins"]["total_steps"] == "command line"
+    assert saved["origins"]["policies.agent.hidden_sizes"] == f"run {run}"
 
     again = ["train", "--config", f"{run}/config.json", "--name", "s", "--json"]
     assert main(again) == 0
@@ -184,8 +213,7 @@ def test_a_signal_saves_and_says_how_to_go_on(signum: int, exit_code: int, tmp_p
 
 def test_saved_settings_are_those_of_the_run() -> None:
     command = train_command.parse(["x", "--seed", "3"])
-    config = train_command.as_config(command)
-    assert config == replace(TrainConfig(), target="x", seed=3)
+    assert merge(command.layers) == TrainConfig("x", seed=3)
 
 
 def test_a_sparkline_fits_its_width() -> None:

@@ -34,7 +34,7 @@ def test_every_bridge_is_known_to_the_commands() -> None:
         ({"render_mode": "human"}, "launch cannot be set"),
         ({"wind": 1, "rain": 2}, "has no setting wind, rain"),
         ({"num_engines": 0}, "must be at least 1"),
-        ({"max_episode_steps": 0}, "max_episode_steps is 0, expected at least 1"),
+        ({"max_episode_steps": 0}, "max_episode_steps must be at least 1 or none, not 0"),
         ({"step_timeout_s": 1.0, "action_space": "left"}, "action_space must be one of"),
     ],
 )

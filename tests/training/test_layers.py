@@ -7,8 +7,23 @@ from typing import Any
 import pytest
 
 from ludus.errors import ConfigError
-from ludus.settings.merging import lay_over, policy_settings, read_file, to_plain
-from ludus.settings.train_config import LeagueConfig, Phase, PPOConfig, SACConfig, TrainConfig
+from ludus.settings.merging import (
+    Layer,
+    lay_over,
+    python_layer,
+    read_file,
+    resolve,
+    resolve_policy,
+    to_plain,
+)
+from ludus.settings.train_config import (
+    LeagueConfig,
+    Phase,
+    PolicyConfig,
+    PPOConfig,
+    SACConfig,
+    TrainConfig,
+)
 from ludus.spec import AgentSpec, DiscreteAction, ObservationEntry, PolicySpec
 
 
@@ -18,10 +33,14 @@ def policy(**settings: Any) -> PolicySpec:
     return PolicySpec("hero", (entry,), (DiscreteAction("a", 2),), agents, settings=settings)
 
 
+def settings_of(scene: PolicySpec, *values: dict[str, Any]) -> PolicyConfig:
+    return resolve_policy([Layer("file", each) for each in values], scene)[0]
+
+
 def test_scene_then_file_then_single_policy() -> None:
     scene = policy(learning_rate=0.1, discount=0.5, epochs=9.0)
     file = {"ppo": {"discount": 0.6, "gae_lambda": 0.7}, "policies": {"hero": {"gae_lambda": 0.8}}}
-    settings = policy_settings(TrainConfig(), scene, file)
+    settings = settings_of(scene, file)
     assert isinstance(settings, PPOConfig)
     assert (settings.learning_rate, settings.discount, settings.gae_lambda) == (0.1, 0.6, 0.8)
     assert settings.epochs == 9
@@ -30,13 +49,19 @@ def test_scene_then_file_then_single_policy() -> None:
 
 
 def test_python_settings_win_over_the_scene() -> None:
-    config = TrainConfig(ppo=PPOConfig(discount=0.7))
-    settings = policy_settings(config, policy(discount=0.5, learning_rate=0.1))
+    layer = python_layer(TrainConfig(ppo=PPOConfig(discount=0.7)))
+    settings, _ = resolve_policy([layer], policy(discount=0.5, learning_rate=0.1))
     assert (settings.discount, settings.learning_rate) == (0.7, 0.1)
 
 
+def test_python_settings_of_one_policy_count_as_a_whole() -> None:
+    layer = python_layer(TrainConfig(policies={"hero": PPOConfig(epochs=7)}))
+    settings, _ = resolve_policy([layer], policy(discount=0.5))
+    assert settings == PPOConfig(epochs=7)
+
+
 def test_the_scene_chooses_the_algorithm() -> None:
-    settings = policy_settings(TrainConfig(), policy(algorithm="sac", batch_size=32.0))
+    settings = settings_of(policy(algorithm="sac", batch_size=32.0))
     assert isinstance(settings, SACConfig)
     assert (settings.batch_size, settings.hidden_sizes) == (32, (256, 256))
 
@@ -44,10 +69,9 @@ def test_the_scene_chooses_the_algorithm() -> None:
 def test_another_algorithm_drops_what_only_the_first_one_knows() -> None:
     scene = policy(clip_range=0.1, learning_rate=0.01)
     for settings in (
-        policy_settings(TrainConfig(algorithm="sac"), scene),
-        policy_settings(TrainConfig(), scene, {"algorithm": "sac"}),
-        policy_settings(TrainConfig(), scene, {"policies": {"hero": {"algorithm": "sac"}}}),
-        policy_settings(TrainConfig(), scene, {}, "sac"),
+        settings_of(scene, {"algorithm": "sac"}),
+        settings_of(scene, {"policies": {"hero": {"algorithm": "sac"}}}),
+        settings_of(scene, {"ppo": {"epochs": 3}}, {"algorithm": "sac"}),
     ):
         assert isinstance(settings, SACConfig)
         assert settings.learning_rate == 0.01
@@ -55,14 +79,50 @@ def test_another_algorithm_drops_what_only_the_first_one_knows() -> None:
 
 def test_a_setting_of_another_algorithm_in_the_same_place_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"policy hero .scene.: clip_range is no setting of sac"):
-        policy_settings(TrainConfig(), policy(algorithm="sac", clip_range=0.1))
+        settings_of(policy(algorithm="sac", clip_range=0.1))
+
+
+def test_every_setting_has_its_origin() -> None:
+    saved = to_plain(TrainConfig("cartpole", num_worlds=8, policies={"hero": PPOConfig(epochs=9)}))
+    layers = [
+        Layer("run r", saved, is_saved=True),
+        Layer("file f", {"num_engines": 3, "ppo": {"discount": 0.5}}),
+        Layer("command line", {"seed": 4, "total_steps": 2_000_000,
+                               "policies": {"hero": {"clip_range": 0.2}}}),
+    ]  # fmt: skip
+    resolved = resolve(layers, {"hero": policy(gae_lambda=0.5, learning_rate=1e-3)})
+    assert resolved.origins == {
+        "target": "run r",
+        "num_worlds": "run r",
+        "num_engines": "file f",
+        "ppo.discount": "file f",
+        "seed": "command line",
+        "total_steps": "command line",
+        "policies.hero.epochs": "run r",
+        "policies.hero.gae_lambda": "run r",
+        "policies.hero.learning_rate": "scene",
+        "policies.hero.discount": "file f",
+        "policies.hero.clip_range": "command line",
+    }
+    rows = {name: (value, origin) for name, value, origin in resolved.rows()}
+    assert rows["policies.hero.gae_lambda"] == (0.95, "run r")
+    assert rows["keep_checkpoints"] == (3, "default")
+
+
+def test_a_seed_is_drawn_and_a_policy_must_exist() -> None:
+    resolved = resolve([], {"hero": policy()})
+    assert resolved.config.seed is not None
+    assert resolved.origins == {"seed": "random"}
+    with pytest.raises(ConfigError, match="file: there is no policy foe") as caught:
+        resolve([Layer("file", {"policies": {"foe": {}}})], {"hero": policy()})
+    assert caught.value.hint == "policies of the game: hero"
 
 
 def test_unknown_setting_names_policy_and_close_match() -> None:
     with pytest.raises(
         ConfigError, match=r"policy hero .scene.: unknown setting learning_rat"
     ) as info:
-        policy_settings(TrainConfig(), policy(learning_rat=1))
+        settings_of(policy(learning_rat=1))
     assert info.value.hint == "did you mean learning_rate?"
 
 
@@ -105,6 +165,12 @@ def test_effective_settings_come_back_whole() -> None:
     )  # fmt: skip
     plain = json.loads(json.dumps(to_plain(config)))
     assert lay_over(TrainConfig(), plain, "saved") == config
+
+
+def test_saved_origins_are_no_settings(tmp_path: Path) -> None:
+    saved = tmp_path / "config.json"
+    saved.write_text(json.dumps({**to_plain(TrainConfig("x")), "origins": {"target": "Python"}}))
+    assert lay_over(TrainConfig(), read_file(saved), "saved") == TrainConfig("x")
 
 
 def test_reads_toml_and_json(tmp_path: Path) -> None:

@@ -13,7 +13,6 @@ from ludus.algorithms.ppo import PPO
 from ludus.networks.device import choose_device, uses_bfloat16
 from ludus.networks.policy import Policy
 from ludus.pool.interface import Pool
-from ludus.settings.merging import policy_settings
 from ludus.settings.policy_config import PPOConfig
 from ludus.settings.train_config import TrainConfig
 
@@ -37,7 +36,7 @@ def policy_seed(seed: int, policy: str) -> int:
 
 def _make_learner(name: str, config: TrainConfig, pool: Pool) -> Learner:
     spec = pool.policies[name]
-    settings = policy_settings(config, spec)
+    settings = config.policies[name]
     device = choose_device(config.device)
     about = LearnerSettings(
         engine_rows=[pool.rows(name, engine) for engine in range(pool.num_engines)],

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -18,6 +17,8 @@ from ludus.bench.report import BenchReport, Breakdown
 from ludus.engine import CorePlan, pinned_to, reserve_cores
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.session import EngineSession
+from ludus.settings.checks import ABOVE_0, AT_LEAST_0, AT_LEAST_1, setting
+from ludus.settings.pool_config import GameConfig
 from ludus.spec import PolicySpec
 from ludus.spec.batch import ActionBatch
 from ludus.target import Scene, Target, check_accepted, parse_target, prepare
@@ -32,22 +33,23 @@ _NUM_ROUND_TRIPS = 3000
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchConfig:
+class BenchConfig(GameConfig):
     """What to measure.
 
     Attributes:
-        target: See :func:`ludus.make`.
-        pool: Engines and worlds.
+        target: A bundled example, a project folder, a scene, or an exported game.
+        is_pinned: Give each engine a core of its own.
         seconds: Length of each part of a round.
         rounds: How often bridged play and ceiling alternate.
         seed: Seed of worlds and random actions.
     """
 
-    target: str | Path
-    pool: PoolConfig
-    seconds: float = 2.0
-    rounds: int = 3
-    seed: int = 0
+    target: str
+    num_worlds: int = setting(64, AT_LEAST_1)
+    is_pinned: bool = True
+    seconds: float = setting(2.0, ABOVE_0)
+    rounds: int = setting(5, AT_LEAST_1)
+    seed: int = setting(0, AT_LEAST_0)
 
 
 @dataclass(frozen=True)
@@ -75,14 +77,14 @@ def bench(
         TargetError: The target cannot be run.
         EngineError: An engine failed.
     """
-    target = parse_target(config.target, scene=config.pool.scene, godot=config.pool.godot)
+    target = parse_target(config.target, scene=config.scene, godot=config.godot)
     check_accepted("bench", target)
     target = prepare(target)  # an example is built once, not for each engine
     report_progress("one world: round trips")
     single = _measure_single(target, config)
     report_progress("bare socket echo")
     echo_us = _measure_echo(target, config, single.frame_bytes)
-    with open_pool(target, config.pool) as pool:
+    with open_pool(target, PoolConfig.of(config)) as pool:
         return _measure_pool(config, pool, single, echo_us, report_progress)
 
 
@@ -108,7 +110,7 @@ def _measure_pool(
         rounds.append((steps_per_s, ceiling))
         breakdowns.append(breakdown)
     return BenchReport(
-        target=str(config.target),
+        target=config.target,
         engine=_session(pool).hello.engine,
         layout=pool.spec.layout,
         num_worlds=pool.spec.num_worlds,
@@ -178,7 +180,7 @@ def _ceiling(pool: EnginePool, num_steps: int, seed: int) -> float:
 
 
 def _measure_single(target: Target, config: BenchConfig) -> _SingleWorld:
-    single = replace(config.pool, num_worlds=1, num_engines=1)
+    single = PoolConfig.of(replace(config, num_worlds=1, num_engines=1))
     with open_pool(target, single) as pool:
         actions = _random_actions(pool.policies, config.seed)
         pool.reset(config.seed)
@@ -203,7 +205,7 @@ def _measure_echo(target: Target, config: BenchConfig, sizes: tuple[int, int]) -
     if not isinstance(target, Scene):
         return None
     engine = target.find_engine()
-    if not config.pool.is_pinned:
+    if not config.is_pinned:
         return measure_echo(engine, sizes, _NUM_ROUND_TRIPS, CorePlan((None,), None))
     with reserve_cores(1) as cores:
         return measure_echo(engine, sizes, _NUM_ROUND_TRIPS, cores.plan)

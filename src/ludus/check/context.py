@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Generator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
+from typing import cast
 
 from ludus.check.recording import Recording, record
-from ludus.errors import ConfigError, EngineError, UsageError
+from ludus.errors import EngineError, UsageError
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.session import EngineSession, LaunchOptions
+from ludus.settings.checks import ABOVE_0, AT_LEAST_0, AT_LEAST_1, ONLY_1, setting
+from ludus.settings.pool_config import GameConfig, Layout
 from ludus.spec import Spec
 from ludus.target import Address, Play, check_accepted, parse_target, prepare
 
@@ -20,37 +23,27 @@ __all__ = ["CheckConfig", "CheckContext", "OneEngineOnly"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class CheckConfig:
+class CheckConfig(GameConfig):
     """What to check, and how thoroughly.
 
     Attributes:
-        target: As for :func:`ludus.make`.
-        scene: Scene of the project; None: its main scene.
+        target: A bundled example, a project folder, a scene, an exported game, or gym:ENV_ID.
         num_worlds: Worlds to play in.
         num_steps: Steps of random play.
         seed: Seed of world 0 and of its actions.
         num_layout_worlds: Worlds when the layouts are compared.
         timing_s: How long each layout is timed, seconds.
-        godot: Engine to use; None: the one that is found.
         launch: How games are started and watched.
     """
 
     target: str | Path
-    scene: str | None = None
-    num_worlds: int = 4
-    num_steps: int = 300
-    seed: int = 0
-    num_layout_worlds: int = 32
-    timing_s: float = 1.0
-    godot: Path | None = None
+    num_worlds: int = setting(4, AT_LEAST_1)
+    num_engines: int = setting(1, ONLY_1)
+    num_steps: int = setting(300, AT_LEAST_1)
+    seed: int = setting(0, AT_LEAST_0)
+    num_layout_worlds: int = setting(32, AT_LEAST_1)
+    timing_s: float = setting(1.0, ABOVE_0)
     launch: LaunchOptions = field(default_factory=LaunchOptions)
-
-    def __post_init__(self) -> None:
-        for name in ("num_worlds", "num_steps", "num_layout_worlds"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"{name} is {getattr(self, name)}, it must be at least 1")
-        if self.seed < 0:
-            raise ConfigError(f"seed is {self.seed}, it must not be negative")
 
 
 class OneEngineOnly(UsageError):  # noqa: N818 - reads as what happened
@@ -91,7 +84,7 @@ class CheckContext:
     def main_pool(self) -> Generator[EnginePool]:
         """Lend the engine that checks share; after an error the next one gets a new engine."""
         if self._main is None:
-            self._main = self._open(PoolConfig(num_worlds=self.config.num_worlds))
+            self._main = open_pool(self._target, PoolConfig.of(self.config))
         try:
             yield self._main
         except EngineError:
@@ -102,7 +95,7 @@ class CheckContext:
     def other_pool(
         self,
         num_worlds: int | None = None,
-        layout: str = "scene",
+        layout: str | None = None,
         max_episode_steps: int | None = None,
     ) -> Generator[EnginePool]:
         """Start another engine for one check.
@@ -115,14 +108,13 @@ class CheckContext:
                 "not checked: it needs another process, and this game was started by hand",
                 hint="name the project instead",
             )
-        pool = self._open(
-            PoolConfig(
-                num_worlds=num_worlds or self.config.num_worlds,
-                layout=layout,
-                max_episode_steps=max_episode_steps,
-            )
+        config = replace(
+            self.config,
+            num_worlds=num_worlds or self.config.num_worlds,
+            layout=cast(Layout, layout) if layout else self.config.layout,
+            max_episode_steps=max_episode_steps or self.config.max_episode_steps,
         )
-        with pool:
+        with open_pool(self._target, PoolConfig.of(config)) as pool:
             yield pool
 
     def close(self) -> None:
@@ -141,15 +133,6 @@ class CheckContext:
         traceback: TracebackType | None,
     ) -> None:
         self.close()
-
-    def _open(self, config: PoolConfig) -> EnginePool:
-        settings = PoolConfig(
-            num_worlds=config.num_worlds,
-            layout=config.layout,
-            max_episode_steps=config.max_episode_steps,
-            launch=self.config.launch,
-        )
-        return open_pool(self._target, settings)
 
 
 def _engine_version(pool: EnginePool) -> str:

@@ -5,49 +5,32 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated
 
 import tyro
 
-if TYPE_CHECKING:
-    from ludus.bench import BenchReport
+from ludus.bench import BenchConfig, BenchReport, bench
+from ludus.settings.checks import AT_LEAST_1, setting
 
 __all__ = ["COMMAND", "BenchCommand", "run"]
 
 
-@dataclass(frozen=True)
-class BenchCommand:
+@dataclass(frozen=True, kw_only=True)
+class BenchCommand(BenchConfig):
     """Measure how fast a game steps with random actions, how fast it could, and where time goes.
 
     Bridged play and the ceiling (random actions drawn inside the engine, no socket) alternate;
     the figures are medians over the rounds.
 
     Attributes:
-        target: A bundled example, a project folder, a scene, or an exported game.
-        scene: Scene of the project, such as res://level.tscn; none is its main scene.
-        worlds: Worlds per engine.
-        engines: Game processes.
-        layout: How worlds are kept apart; scene is what the scene asks for.
-        ticks_per_step: Physics ticks per decision; none is what the agents say.
-        seconds: Length of each part of a round.
-        rounds: How often bridged play and ceiling alternate.
-        pinned: Give each engine a core of its own.
         json: Print one JSON object on stdout.
-        godot: Engine to use; none is the one that ludus finds.
     """
 
     target: tyro.conf.Positional[str]
-    scene: str | None = None
-    worlds: Annotated[int, tyro.conf.arg(aliases=["--num-worlds"])] = 64
-    engines: Annotated[int, tyro.conf.arg(aliases=["--num-engines"])] = 1
-    layout: Literal["scene", "isolated", "grid"] = "scene"
-    ticks_per_step: int | None = None
-    seconds: float = 2.0
-    rounds: int = 5
-    pinned: bool = True
+    num_worlds: Annotated[int, tyro.conf.arg(aliases=["--worlds"])] = setting(64, AT_LEAST_1)
+    num_engines: Annotated[int, tyro.conf.arg(aliases=["--engines"])] = setting(1, AT_LEAST_1)
+    is_pinned: Annotated[bool, tyro.conf.arg(name="pinned")] = True
     json: bool = False
-    godot: Path | None = None
 
 
 COMMAND = BenchCommand
@@ -55,22 +38,7 @@ COMMAND = BenchCommand
 
 def run(command: BenchCommand) -> int:
     """Measure and print; return 0."""
-    from ludus.bench import BenchConfig, bench
-    from ludus.pool import PoolConfig
-
-    pool = PoolConfig(
-        scene=command.scene,
-        num_worlds=command.worlds,
-        num_engines=command.engines,
-        layout=command.layout,
-        ticks_per_step=command.ticks_per_step,
-        godot=command.godot,
-        is_pinned=command.pinned,
-    )
-    config = BenchConfig(
-        target=command.target, pool=pool, seconds=command.seconds, rounds=command.rounds
-    )
-    report = bench(config, lambda stage: _tell(f"{stage} ..."))
+    report = bench(command, lambda stage: _tell(f"{stage} ..."))
     text = json.dumps(report.to_json()) if command.json else _table(report)
     sys.stdout.write(text + "\n")
     return 0

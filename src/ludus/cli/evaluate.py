@@ -62,14 +62,14 @@ def run(command: EvaluateCommand) -> int:
     from ludus.errors import ConfigError
     from ludus.play.evaluation import evaluate
     from ludus.play.players import load_player, random_player
-    from ludus.training.source import open_source
+    from ludus.training.loop import open_training_pool
 
     if command.episodes < 1:
         raise ConfigError(f"episodes must be at least 1, not {command.episodes}")
     stochastic = command.choose()
     config = _config(command)
     torch.set_num_threads(config.torch_threads)
-    pool = open_source(config)
+    pool = open_training_pool(config)
     try:
         if command.random:
             act = random_player(pool, command.seed)

@@ -113,7 +113,7 @@ def _play(
     from ludus.league.tournament import play_tournament
     from ludus.runs.checkpoint import check_spec
     from ludus.runs.saved import trained_config
-    from ludus.training.source import open_source
+    from ludus.training.loop import open_training_pool
 
     config = trained_config(
         command.run,
@@ -123,7 +123,7 @@ def _play(
     )
     torch.set_num_threads(config.torch_threads)
     with Console(stderr=True).status("opening the game") as status:
-        pool = open_source(config)
+        pool = open_training_pool(config)
         try:
             check_spec(checkpoint.fingerprints, pool.policies, path)
             return play_tournament(

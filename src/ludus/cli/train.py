@@ -2,31 +2,46 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import shlex
 import signal
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, make_dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Union, get_type_hints
 
 import tyro
 
-from ludus.errors import ConfigError
-from ludus.settings.merging import lay_over, policy_settings, read_file, to_plain
+from ludus.settings.merging import Layer, merge, read_file, resolve
 from ludus.settings.policy_config import ALGORITHM_CONFIGS
-from ludus.settings.train_config import Phase, PolicyConfig, TrainConfig
-from ludus.spec import PolicySpec
+from ludus.settings.train_config import Phase, PPOConfig, SACConfig, TrainConfig
 
 __all__ = ["COMMAND", "TrainCommand", "parse", "run"]
 
 PROGRAM = "ludus train"
+POLICIES = "policies"
+
+
+class _Unchecked:
+    """Leaves checks to the merge, which alone knows what other layers say."""
+
+    def __post_init__(self) -> None:
+        pass
 
 
 @dataclass(frozen=True)
-class TrainCommand(TrainConfig):
+class _PPOFlags(_Unchecked, PPOConfig):
+    """Flags of every policy trained with PPO."""
+
+
+@dataclass(frozen=True)
+class _SACFlags(_Unchecked, SACConfig):
+    """Flags of every policy trained with SAC."""
+
+
+@dataclass(frozen=True)
+class TrainCommand(_Unchecked, TrainConfig):
     """Train agents in a game, and leave a run folder with checkpoints, metrics and a curve.
 
     Settings come from the scene, then from --config, then from the command line; later ones win.
@@ -38,43 +53,52 @@ class TrainCommand(TrainConfig):
             address, or gym:ENV_ID for any Gymnasium environment.
         config: TOML file with settings, or the config.json of a run.
         resume: Folder of a run to go on with; its settings hold unless given anew.
+        explain: Print every setting, its value and where it comes from, and train nothing.
         json: Print the result as one JSON object on stdout.
-        arguments: What was typed.
+        layers: What file, resumed run and command line say, earlier ones first.
     """
 
     target: tyro.conf.Positional[str] = ""
+    ppo: _PPOFlags = field(default_factory=_PPOFlags)
+    sac: _SACFlags = field(default_factory=_SACFlags)
     policies: Annotated[
-        dict[str, tyro.conf.AvoidSubcommands[PolicyConfig]],
+        dict[str, Any],
         tyro.conf.arg(help_behavior_hint="--policies.NAME.* sets one policy"),
-    ] = field(default_factory=dict[str, PolicyConfig])
+    ] = field(default_factory=dict[str, Any])
     schedule: tyro.conf.Suppress[tuple[Phase, ...]] = ()
     config: Path | None = None
     resume: Path | None = None
+    explain: bool = False
     json: bool = False
-    arguments: tyro.conf.Suppress[tuple[str, ...]] = ()
+    layers: tyro.conf.Suppress[tuple[Layer, ...]] = ()
 
 
 COMMAND = TrainCommand
 
 
 def parse(arguments: Sequence[str]) -> TrainCommand:
-    """Return what was typed, over the file or the resumed run it names.
-
-    Settings of single policies are read in :func:`run`, when the game has told their names.
-    """
-    first = _parse(arguments, TrainCommand(), is_final=False)
-    base = TrainCommand()
-    if first.resume is not None:
+    """Return what was typed, and all layers of settings below it."""
+    flags = _flags(arguments)
+    policies = {flag.split(".")[1]: _policy_flags() for flag in flags if _is_of_policy(flag)}
+    command = tyro.cli(
+        TrainCommand,
+        args=["None" if argument == "none" else argument for argument in arguments],  # as in files
+        default=TrainCommand(policies=policies),
+        prog=PROGRAM,
+    )
+    layers: list[Layer] = []
+    if command.resume is not None:
         from ludus.runs.run_folder import RunFolder
 
-        folder = RunFolder.find(first.resume)
-        base = replace(_as_command(folder.read_config()), resume=folder.path)
-    if first.config is not None:
-        base = lay_over_command(base, read_file(first.config), str(first.config))
-    command = _parse(arguments, base, is_final=False)
-    if not command.target:
-        raise ConfigError("no target was given", f"name one: {PROGRAM} cartpole")
-    return replace(command, arguments=tuple(arguments))
+        folder = RunFolder.find(command.resume)
+        saved = read_file(folder.path / "config.json")
+        layers.append(Layer(f"run {folder.path}", saved, is_saved=True))
+        command = replace(command, resume=folder.path)
+    if command.config is not None:
+        is_saved = command.config.suffix == ".json"
+        layers.append(Layer(f"file {command.config}", read_file(command.config), is_saved))
+    layers.append(Layer("command line", _typed(command, flags)))
+    return replace(command, layers=tuple(layers))
 
 
 def run(command: TrainCommand) -> int:
@@ -82,13 +106,10 @@ def run(command: TrainCommand) -> int:
     from ludus.cli.live import reporter_for
     from ludus.training.loop import train
 
+    if command.explain:
+        return _explain(command)
     with reporter_for(sys.stderr) as reporter:
-        result = train(
-            as_config(command),
-            resume=command.resume,
-            configure=lambda policies: configure(command, policies),
-            reporter=reporter,
-        )
+        result = train(command.layers, resume=command.resume, reporter=reporter)
     reporter.finished(result)
     if command.json:
         values: dict[str, Any] = {**asdict(result), "run": str(result.run)}
@@ -101,85 +122,58 @@ def run(command: TrainCommand) -> int:
     return 128 + result.signum
 
 
-def configure(command: TrainCommand, policies: Mapping[str, PolicySpec]) -> TrainConfig:
-    """Return the effective settings, now that the game has told its policies and theirs.
+def _explain(command: TrainCommand) -> int:
+    """Open the game as small as possible, to learn its policies, and print all settings."""
+    from ludus.training.loop import open_training_pool
 
-    What was typed is laid once more over what scene and file say of each policy, so that typed
-    settings win even where they equal the defaults.
-    """
-    typed = command.arguments
-    settings: dict[str, PolicyConfig] = {}
-    for name, policy in policies.items():
-        chosen = _untyped_settings(command, policy, _typed_algorithm(command, name))
-        base = replace(command, policies={}, **{chosen.algorithm: chosen})
-        settings[name] = getattr(_parse(typed, base, is_final=False), chosen.algorithm)
-    final = _parse(typed, replace(command, policies=settings), is_final=True)
-    return as_config(final)
-
-
-def _typed_algorithm(command: TrainCommand, policy: str) -> str | None:
-    """Return the algorithm that was typed for ``policy``, or for all; None if none was."""
-    flags = {f"--policies.{policy}.algorithm", "--algorithm"}
-    found: dict[str, str] = {}
-    words = [part for word in command.arguments for part in word.split("=", 1)]
-    for word, value in itertools.pairwise(words):
-        flag = word.replace("_", "-")
-        if flag in {name.replace("_", "-") for name in flags}:
-            found[flag] = value
-    own = found.get(f"--policies.{policy}.algorithm".replace("_", "-"))
-    algorithm = own or found.get("--algorithm")
-    if algorithm is not None and algorithm not in ALGORITHM_CONFIGS:
-        known = " or ".join(ALGORITHM_CONFIGS)
-        raise ConfigError(f"policy {policy}: algorithm must be {known}, not {algorithm!r}")
-    return algorithm
+    small = replace(merge(command.layers), num_worlds=1, num_engines=1)
+    with open_training_pool(small) as pool:
+        rows = resolve(command.layers, pool.policies).rows()
+    texts = [(name, "none" if value is None else json.dumps(value), origin)
+             for name, value, origin in rows]  # fmt: skip
+    widths = [max(len(row[column]) for row in texts) for column in (0, 1)]
+    for name, value, origin in texts:
+        sys.stdout.write(f"{name:<{widths[0]}}  {value:<{widths[1]}}  {origin}\n")
+    return 0
 
 
-def as_config(command: TrainCommand) -> TrainConfig:
-    """Return the settings of the run without those of the command."""
-    return TrainConfig(**{part.name: getattr(command, part.name) for part in fields(TrainConfig)})
+def _flags(arguments: Sequence[str]) -> list[str]:
+    """Return the names of the settings whose flags were typed, dots between them and _ for -."""
+    words = [word.partition("=")[0] for word in arguments if word.startswith("--")]
+    return [word.removeprefix("--").replace("-", "_") for word in words]
 
 
-def lay_over_command(command: TrainCommand, values: Mapping[str, Any], where: str) -> TrainCommand:
-    """Return ``command`` with settings from a file."""
-    config = lay_over(as_config(command), values, where)
-    return replace(_as_command(config), resume=command.resume)
+def _is_of_policy(flag: str) -> bool:
+    return flag.count(".") == 2 and flag.startswith(f"{POLICIES}.")
 
 
-def _untyped_settings(
-    command: TrainCommand, policy: PolicySpec, algorithm: str | None
-) -> PolicyConfig:
-    """Return what defaults, scene, resumed run and file say of a policy, in this order."""
-    file = read_file(command.config) if command.config else {}
-    if command.resume is None:
-        return policy_settings(TrainConfig(), policy, file, algorithm)
-    from ludus.runs.run_folder import RunFolder
-
-    saved = RunFolder.find(command.resume).read_config().policies.get(policy.name)
-    before = replace(policy, settings={} if saved is None else to_plain(saved))
-    return policy_settings(TrainConfig(), before, file, algorithm)
-
-
-def _parse(arguments: Sequence[str], base: TrainCommand, *, is_final: bool) -> TrainCommand:
-    """Read ``arguments`` over ``base``; settings of single policies only if ``is_final``."""
-    kept = list(arguments) if is_final else _without_policies(arguments)
-    kept = ["None" if argument == "none" else argument for argument in kept]  # as files write it
-    return tyro.cli(TrainCommand, args=kept, default=base, prog=PROGRAM)
+def _typed(command: TrainCommand, flags: Sequence[str]) -> dict[str, Any]:
+    """Return the settings that were typed, as the values of a layer."""
+    typed: dict[str, Any] = {"target": command.target} if command.target else {}
+    known = get_type_hints(TrainConfig)
+    for flag in flags:
+        *path, last = flag.split(".")
+        holder: Any = command
+        values = typed
+        if (path or [last])[0].removeprefix("no_") not in known:
+            continue  # of the command itself
+        for part in path:
+            holder = command.policies[part] if holder is command.policies else getattr(holder, part)
+            values = values.setdefault(part, {})
+        name = last if hasattr(holder, last) else last.removeprefix("no_")
+        values[name] = getattr(holder, name)
+    return typed
 
 
-def _without_policies(arguments: Sequence[str]) -> list[str]:
-    """Leave out ``--policies.…`` flags and their values; the final pass reads and checks them."""
-    kept: list[str] = []
-    is_left_out = False
-    for argument in arguments:
-        if argument.startswith("--"):
-            is_left_out = argument.startswith("--policies.") and "=" not in argument
-            if argument.startswith("--policies."):
-                continue
-        elif is_left_out:
-            continue
-        kept.append(argument)
-    return kept
-
-
-def _as_command(config: TrainConfig) -> TrainCommand:
-    return TrainCommand(**{part.name: getattr(config, part.name) for part in fields(TrainConfig)})
+def _policy_flags() -> Any:
+    """Return the flags of one policy, whose algorithm only its game may tell."""
+    hints: dict[str, list[Any]] = {}
+    for of in ALGORITHM_CONFIGS.values():
+        for name, hint in get_type_hints(of).items():
+            hints.setdefault(name, []).append(hint)
+    kind = make_dataclass(
+        "PolicyFlags",
+        [(name, Union[*of, None], None) for name, of in hints.items()],
+        frozen=True,
+    )
+    return kind()

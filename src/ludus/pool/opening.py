@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from ludus.engine import (
     CorePlan,
@@ -23,8 +22,9 @@ from ludus.legacy.registry import (
     open_bridge_session,
 )
 from ludus.pool.engine_pool import EnginePool
-from ludus.session import LaunchOptions, Session, open_session
+from ludus.session import Session, open_session
 from ludus.session.gymnasium_session import GymnasiumSession, make_environment
+from ludus.settings.pool_config import PoolConfig
 from ludus.target import (
     Address,
     EngineTarget,
@@ -40,52 +40,13 @@ from ludus.target import (
 )
 from ludus.wire.handshake import EngineConfig
 
-__all__ = ["PoolConfig", "open_pool", "spin_us_beside"]
+__all__ = ["open_pool", "spin_us_beside"]
 
 DEFAULT_SPIN_US = 3000
 _NOT_OF_ENVIRONMENTS = ("scene", "layout", "ticks_per_step", "godot", "spin_us")
 """Settings that mean nothing to an environment of Gymnasium."""
 _NOT_OF_BRIDGES = (*_NOT_OF_ENVIRONMENTS, "num_worlds", "launch")
 """Settings that mean nothing to a game of a legacy bridge."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PoolConfig:
-    """Engines and worlds of a pool.
-
-    Attributes:
-        scene: Scene of the project to make worlds of; None: its main scene.
-        num_worlds: Worlds per engine.
-        num_engines: Game processes.
-        layout: ``"scene"`` (what the scene asks for), ``"isolated"`` or ``"grid"``.
-        ticks_per_step: Physics ticks per decision; None: what the agents say.
-        max_episode_steps: Steps until truncation; None: what the agents say.
-        godot: Engine to use; None: the one that is found.
-        log_dir: Folder for the engines' output.
-        max_restarts: How often, in all, an engine that died or froze is started again.
-        is_pinned: Give each engine a core of its own, which no other pool of this user has while
-            there are enough.
-        spin_us: How long both sides look for a message again and again before they sleep; None:
-            3000 where a core is left beside the engines, else 0. Who often looks in vain, or
-            loses the core meanwhile, sleeps at once for a second: somebody else needs the core.
-        launch: How games are started and watched.
-        bridge: Settings of a target that is a game of a legacy bridge, such as
-            ``{"action_space": …}``; :func:`ludus.make` takes them by their own names.
-    """
-
-    scene: str | Path | None = None
-    num_worlds: int = 1
-    num_engines: int = 1
-    layout: str = "scene"
-    ticks_per_step: int | None = None
-    max_episode_steps: int | None = None
-    godot: Path | None = None
-    log_dir: Path | None = None
-    max_restarts: int = 0
-    is_pinned: bool = True
-    spin_us: int | None = None
-    launch: LaunchOptions = field(default_factory=LaunchOptions)
-    bridge: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
 
 def open_pool(target: str | Path | Target, config: PoolConfig | None = None) -> EnginePool:
@@ -103,7 +64,6 @@ def open_pool(target: str | Path | Target, config: PoolConfig | None = None) -> 
         EngineError: An engine did not start.
     """
     config = config or PoolConfig()
-    _check_numbers(config)
     if isinstance(target, str | Path):
         target = parse_target(target, scene=config.scene, godot=config.godot)
     check_accepted("open_pool", target)
@@ -180,14 +140,6 @@ def _log_path(config: PoolConfig, engine: int) -> Path | None:
     return config.log_dir / f"engine-{engine}.log" if config.log_dir else None
 
 
-def _check_numbers(config: PoolConfig) -> None:
-    if config.num_worlds < 1 or config.num_engines < 1:
-        raise ConfigError(
-            f"num_worlds is {config.num_worlds}, num_engines {config.num_engines}: "
-            "both must be at least 1"
-        )
-
-
 def _check_legacy(bridge: Bridge, config: PoolConfig) -> None:
     _refuse_changed(
         config,
@@ -196,8 +148,6 @@ def _check_legacy(bridge: Bridge, config: PoolConfig) -> None:
         "leave it out; num_engines is how many games run, if each can listen at a port of its own "
         f"({bridge.page})",
     )
-    if config.max_episode_steps is not None and config.max_episode_steps < 1:
-        raise ConfigError(f"max_episode_steps is {config.max_episode_steps}, expected at least 1")
 
 
 def _refuse_changed(config: PoolConfig, names: Sequence[str], reason: str, hint: str) -> None:
@@ -212,8 +162,6 @@ def _check(config: PoolConfig, target: EngineTarget) -> None:
         raise ConfigError(
             f"{', '.join(config.bridge)} is a setting of legacy bridges, and {target.name} is none"
         )
-    if config.layout not in {"scene", "isolated", "grid"}:
-        raise ConfigError(f"layout is {config.layout!r}, expected scene, isolated or grid")
     if config.num_engines > 1 and isinstance(target, Address | Play):
         raise ConfigError(
             f"a game that is started by hand is one engine, not {config.num_engines}",

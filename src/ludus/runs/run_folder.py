@@ -24,7 +24,7 @@ import json
 import re
 import shutil
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -173,11 +173,12 @@ class RunFolder:
         path = self.path / "config.json"
         return lay_over(TrainConfig(), read_file(path), str(path))
 
-    def write_config(self, config: TrainConfig) -> None:
-        """Save the effective settings."""
-        from ludus.settings.merging import to_plain
+    def write_config(self, config: TrainConfig, origins: Mapping[str, str] | None = None) -> None:
+        """Save the effective settings, and where those come from that are not defaults."""
+        from ludus.settings.merging import ORIGINS, to_plain
 
-        self.write_json("config.json", to_plain(config))
+        where = {} if origins is None else {ORIGINS: dict(origins)}
+        self.write_json("config.json", to_plain(config) | where)
 
     def write_json(self, name: str, values: dict[str, Any]) -> None:
         """Write a small file into the folder, whole or not at all."""

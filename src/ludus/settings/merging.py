@@ -1,7 +1,7 @@
-"""Settings in layers, later ones win: defaults, scene, file, command line.
+"""Settings in layers, later ones win: defaults, scene, resumed run, file, command line.
 
-Scenes, files and saved runs hold plain mappings; this module lays them over a config struct and
-refuses names and values that do not fit.
+A layer holds plain values by setting name, and where they come from. :func:`resolve` lays all
+layers over the defaults once the game has told its policies, and notes the origin of each setting.
 """
 
 from __future__ import annotations
@@ -10,11 +10,12 @@ import dataclasses
 import difflib
 import json
 import logging
+import secrets
 import tomllib
 import types
 import typing
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeVar, cast
 
@@ -23,20 +24,246 @@ from ludus.settings.policy_config import ALGORITHM_CONFIGS, PolicyConfig, PPOCon
 from ludus.settings.train_config import LeagueConfig, Phase, TrainConfig
 from ludus.spec import PolicySpec
 
-__all__ = ["changed_settings", "lay_over", "policy_settings", "read_file", "saved_policy",
-           "to_plain"]  # fmt: skip
+__all__ = [
+    "ORIGINS",
+    "Layer",
+    "Resolved",
+    "lay_over",
+    "merge",
+    "python_layer",
+    "read_file",
+    "resolve",
+    "resolve_policy",
+    "saved_policy",
+    "to_plain",
+]
 
 Struct = TypeVar("Struct", PPOConfig, SACConfig, TrainConfig, LeagueConfig, Phase)
+
+DEFAULT = "default"
+ORIGINS = "origins"
+"""Where ``config.json`` has the origins of its settings; older ones have none."""
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Layer:
-    """Some settings of one policy, and where they come from."""
+    """Some settings of a run.
+
+    Attributes:
+        origin: Where they come from: ``scene``, ``file a.toml``, ``command line``.
+        values: Plain values by setting name; mappings for nested settings.
+        is_saved: Whether they are all the settings of a run, most of which nobody chose.
+    """
+
+    origin: str
+    values: Mapping[str, Any]
+    is_saved: bool = False
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """The settings that a run is trained with.
+
+    Attributes:
+        config: All settings, with those of each policy of the game, and a seed.
+        origins: Where each setting that is not a default comes from, by dotted name:
+            ``policies.hero.learning_rate``.
+    """
+
+    config: TrainConfig
+    origins: Mapping[str, str] = field(default_factory=dict[str, str])
+
+    def rows(self) -> list[tuple[str, Any, str]]:
+        """Return name, plain value and origin of every setting."""
+        return [
+            (name, value, self.origins.get(name, DEFAULT))
+            for name, value in _leaves(to_plain(self.config))
+        ]
+
+
+def python_layer(config: TrainConfig) -> Layer:
+    """Return what a script has set, which is what differs from the defaults.
+
+    Settings of single policies count as a whole: a script that gives them has chosen them all.
+    """
+    plain, defaults = to_plain(config), to_plain(TrainConfig())
+    changed = {name: value for name, value in plain.items() if value != defaults[name]}
+    for algorithm in ALGORITHM_CONFIGS.keys() & changed.keys():
+        changed[algorithm] = {
+            name: value
+            for name, value in changed[algorithm].items()
+            if value != defaults[algorithm][name]
+        }
+    return Layer("Python", changed)
+
+
+def merge(layers: Sequence[Layer]) -> TrainConfig:
+    """Return what can be told before the game is open: all but the settings of single policies.
+
+    Raises:
+        ConfigError: A name is unknown, or a value has the wrong type or is out of range.
+    """
+    config = TrainConfig()
+    for layer in layers:
+        values = {name: value for name, value in layer.values.items() if name != "policies"}
+        config = lay_over(config, values, layer.origin)
+    return config
+
+
+def resolve(layers: Sequence[Layer], policies: Mapping[str, PolicySpec]) -> Resolved:
+    """Return the settings of a run in a game.
+
+    Args:
+        layers: Earlier ones first.
+        policies: What the game declares; ``pool.policies``.
+
+    Raises:
+        ConfigError: A setting does not fit, or is one of a policy that the game does not have.
+    """
+    config = merge(layers)
+    origins = _origins(layers)
+    settings: dict[str, PolicyConfig] = {}
+    for name, policy in policies.items():
+        settings[name], chosen = resolve_policy(layers, policy)
+        origins |= {f"policies.{name}.{setting}": origin for setting, origin in chosen.items()}
+    for layer in layers:
+        named = layer.values.get("policies", {})
+        unknown = [] if layer.is_saved else [n for n in named if not _named(n, policies)]
+        if unknown:
+            raise ConfigError(
+                f"{layer.origin}: there is no policy {unknown[0]}",
+                f"policies of the game: {', '.join(policies)}",
+            )
+    if config.seed is None:
+        config = dataclasses.replace(config, seed=secrets.randbits(31))
+        origins["seed"] = "random"
+    return Resolved(dataclasses.replace(config, policies=settings), origins)
+
+
+def resolve_policy(
+    layers: Sequence[Layer], policy: PolicySpec
+) -> tuple[PolicyConfig, dict[str, str]]:
+    """Return one policy's settings, and the origin of each that is not a default.
+
+    In each layer, ``policies.NAME`` wins over the section of its algorithm. The last layer to name
+    an algorithm decides; what only another algorithm knows is left out of the layers before.
+
+    Raises:
+        ConfigError: A setting does not fit; the text names policy and setting.
+    """
+    parts = [_Part(policy.settings, "scene", f"policy {policy.name} (scene)")]
+    for layer in layers:
+        parts += _parts_of(layer, policy.name)
+    chosen, since = _choose_algorithm(parts)
+    settings: PolicyConfig = ALGORITHM_CONFIGS[chosen]()
+    origins: dict[str, str] = {}
+    for index, part in enumerate(parts):
+        if part.algorithm not in {None, chosen}:
+            continue
+        values = _own_values(part, chosen, is_before=index < since)
+        before = settings
+        settings = lay_over(cast(PPOConfig, settings), values, part.where)
+        for name in values:
+            if not part.is_saved or getattr(before, name) != getattr(settings, name):
+                origins[name] = part.origin
+    return settings, origins
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What one layer says of one policy in one place; of an algorithm's section, which one."""
 
     values: Mapping[str, Any]
+    origin: str
     where: str
+    algorithm: str | None = None
+    is_saved: bool = False
+
+
+def _parts_of(layer: Layer, policy: str) -> Iterable[_Part]:
+    for algorithm in ALGORITHM_CONFIGS:
+        where = f"{layer.origin}: {algorithm}"
+        section = _mapping(layer.values.get(algorithm, {}), algorithm, layer.origin)
+        values = {name: value for name, value in section.items() if name != "algorithm"}
+        yield _Part(values, layer.origin, where, algorithm, layer.is_saved)
+    algorithm = layer.values.get("algorithm")
+    if algorithm is not None:
+        yield _Part({"algorithm": algorithm}, layer.origin, layer.origin)
+    for name, values in _mapping(
+        layer.values.get("policies", {}), "policies", layer.origin
+    ).items():
+        if _named(name, (policy,)):
+            where = f"{layer.origin}: policies.{name}"
+            own = _mapping(values, name, where)
+            yield _Part(own, layer.origin, where, is_saved=layer.is_saved)
+
+
+def _named(name: str, policies: Iterable[str]) -> bool:
+    """Tell whether a policy has this name; flags are written with ``-`` for ``_``."""
+    return name.replace("_", "-") in {policy.replace("_", "-") for policy in policies}
+
+
+def _choose_algorithm(parts: Sequence[_Part]) -> tuple[str, int]:
+    """Return the algorithm that the last part to name one names, and that part's index."""
+    chosen, since = "ppo", 0
+    for index, part in enumerate(parts):
+        if "algorithm" in part.values:
+            options = Literal["ppo", "sac"]
+            chosen = _fit(part.values["algorithm"], options, f"{part.where}: algorithm")
+            since = index
+    return chosen, since
+
+
+def _own_values(part: _Part, algorithm: str, *, is_before: bool) -> dict[str, Any]:
+    """Return what of a part the algorithm knows."""
+    foreign = [name for name in part.values if _is_of_another(name, algorithm)]
+    if foreign and not is_before:
+        raise ConfigError(
+            f"{part.where}: {foreign[0]} is no setting of {algorithm}, which this policy uses",
+            "set algorithm as well, or leave that setting out",
+        )
+    if foreign:
+        log.info("%s: %s left out, %s has no such setting", part.where, foreign, algorithm)
+    values = {name: value for name, value in part.values.items() if name not in foreign}
+    return values | {"algorithm": algorithm} if "algorithm" in values else values
+
+
+def _is_of_another(name: str, algorithm: str) -> bool:
+    known = {kind: {part.name for part in dataclasses.fields(of)}
+             for kind, of in ALGORITHM_CONFIGS.items()}  # fmt: skip
+    return name not in known[algorithm] and any(name in names for names in known.values())
+
+
+def _origins(layers: Sequence[Layer]) -> dict[str, str]:
+    """Return the origin of every setting of the run itself."""
+    current = dict(_leaves(to_plain(TrainConfig())))
+    origins: dict[str, str] = {}
+    for layer in layers:
+        for name, value in _leaves(layer.values):
+            if name.partition(".")[0] == "policies":
+                continue
+            if not layer.is_saved or current.get(name) != value:
+                origins[name] = layer.origin
+            current[name] = value
+    return origins
+
+
+def _leaves(values: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
+    for name, value in values.items():
+        if isinstance(value, Mapping) and value:
+            yield from _leaves(cast(Mapping[str, Any], value), f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def saved_policy(values: Mapping[str, Any], where: str) -> PolicyConfig:
+    """Return the settings of one policy from those a run saved."""
+    part = _Part(values, where, where)
+    algorithm, _ = _choose_algorithm([part])
+    settings = cast(PPOConfig, ALGORITHM_CONFIGS[algorithm]())
+    return lay_over(settings, _own_values(part, algorithm, is_before=False), where)
 
 
 def lay_over(config: Struct, values: Mapping[str, Any], where: str) -> Struct:
@@ -57,7 +284,7 @@ def lay_over(config: Struct, values: Mapping[str, Any], where: str) -> Struct:
             raise _unknown(name, list(hints), where)
         current = getattr(config, name)
         if name == "policies":
-            changes[name] = _lay_over_policies(cast(TrainConfig, config), value, where)
+            changes[name] = _lay_over_policies(value, where)
         elif dataclasses.is_dataclass(current):
             inner = cast(PPOConfig, current)
             changes[name] = lay_over(inner, _mapping(value, name, where), f"{where}: {name}")
@@ -69,96 +296,8 @@ def lay_over(config: Struct, values: Mapping[str, Any], where: str) -> Struct:
         raise ConfigError(f"{where}: {error.message}", error.hint) from None
 
 
-def policy_settings(
-    config: TrainConfig,
-    policy: PolicySpec,
-    file: Mapping[str, Any] | None = None,
-    algorithm: str | None = None,
-) -> PolicyConfig:
-    """Return one policy's settings: defaults, then its scene, then ``config`` or ``file``.
-
-    Args:
-        config: Read only without ``file``: what differs from the defaults in ``config.ppo`` or
-            ``config.sac`` counts as set; ``config.policies`` wins over all.
-        policy: Whose settings; its scene's are in ``policy.settings``.
-        file: Plain settings to lay over the scene's instead of ``config``.
-        algorithm: Wins over what the layers say; None leaves it to them.
-
-    Raises:
-        ConfigError: A setting does not fit; the text names policy and setting.
-    """
-    if file is None and policy.name in config.policies:
-        return config.policies[policy.name]
-    layers = [Layer(policy.settings, f"policy {policy.name} (scene)")]
-    if file is None:
-        algorithm = algorithm or config.algorithm
-        of_config = {"ppo": changed_settings(config.ppo), "sac": changed_settings(config.sac)}
-    else:
-        _fit(file.get("algorithm"), Literal["ppo", "sac"] | None, "file: algorithm")
-        layers.append(Layer(_named_algorithm(file), "file"))
-        of_config = {name: file.get(name, {}) for name in ALGORITHM_CONFIGS}
-        own = _mapping(file.get("policies", {}), "policies", "file").get(policy.name, {})
-        where = f"file, policies.{policy.name}"
-        layers.append(Layer(_mapping(own, policy.name, where), where))
-    if algorithm is not None:
-        layers.append(Layer({"algorithm": algorithm}, f"policy {policy.name}"))
-    chosen, since = _choose_algorithm(layers)
-    source = f"policy {policy.name}" if file is None else "file"
-    shared = Layer(_mapping(of_config[chosen], chosen, source), f"{source}, {chosen}")
-    layers[1:1] = [shared]
-    return _lay_all(chosen, layers, since + (since > 0))
-
-
-def _named_algorithm(file: Mapping[str, Any]) -> dict[str, Any]:
-    return {} if file.get("algorithm") is None else {"algorithm": file["algorithm"]}
-
-
-def _choose_algorithm(layers: Sequence[Layer]) -> tuple[str, int]:
-    """Return the algorithm that the last layer to name one names, and that layer's index."""
-    chosen, since = "ppo", 0
-    for index, layer in enumerate(layers):
-        if "algorithm" in layer.values:
-            options = Literal["ppo", "sac"]
-            chosen = _fit(layer.values["algorithm"], options, f"{layer.where}: algorithm")
-            since = index
-    return chosen, since
-
-
-def _lay_all(algorithm: str, layers: Sequence[Layer], since: int) -> PolicyConfig:
-    """Lay ``layers`` over the defaults of an algorithm that the layer ``since`` has chosen.
-
-    Layers before it were written for another algorithm; what only that one knows is left out.
-    """
-    settings: PolicyConfig = ALGORITHM_CONFIGS[algorithm]()
-    for index, layer in enumerate(layers):
-        values = dict(layer.values) | {"algorithm": algorithm}
-        foreign = [name for name in values if _is_of_another(name, algorithm)]
-        if foreign and index < since:
-            log.info("%s: %s left out, %s has no such setting", layer.where, foreign, algorithm)
-            values = {name: value for name, value in values.items() if name not in foreign}
-        elif foreign:
-            raise ConfigError(
-                f"{layer.where}: {foreign[0]} is no setting of {algorithm}, which this policy uses",
-                "set algorithm as well, or leave that setting out",
-            )
-        settings = lay_over(cast(PPOConfig, settings), values, layer.where)
-    return settings
-
-
-def _is_of_another(name: str, algorithm: str) -> bool:
-    known = {kind: {part.name for part in dataclasses.fields(of)}
-             for kind, of in ALGORITHM_CONFIGS.items()}  # fmt: skip
-    return name not in known[algorithm] and any(name in names for names in known.values())
-
-
-def saved_policy(values: Mapping[str, Any], where: str) -> PolicyConfig:
-    """Return the settings of one policy from those a run saved."""
-    algorithm, _ = _choose_algorithm([Layer(values, where)])
-    return _lay_all(algorithm, [Layer(values, where)], 0)
-
-
 def read_file(path: Path) -> dict[str, Any]:
-    """Return the settings in a TOML file, or in a JSON file as runs save them.
+    """Return the settings in a TOML file, or in a JSON file as runs save them, without origins.
 
     Raises:
         ConfigError: The file cannot be read or is malformed.
@@ -172,7 +311,9 @@ def read_file(path: Path) -> dict[str, Any]:
     except (json.JSONDecodeError, tomllib.TOMLDecodeError) as error:
         kind = "JSON" if path.suffix == ".json" else "TOML"
         raise ConfigError(f"{path} is not valid {kind}: {error}") from None
-    return dict(_mapping(values, "the file", str(path)))
+    settings = dict(_mapping(values, "the file", str(path)))
+    settings.pop(ORIGINS, None)
+    return settings
 
 
 def to_plain(config: PolicyConfig | TrainConfig) -> dict[str, Any]:
@@ -181,25 +322,13 @@ def to_plain(config: PolicyConfig | TrainConfig) -> dict[str, Any]:
     return cast(dict[str, Any], json.loads(plain))
 
 
-def changed_settings(config: PolicyConfig) -> dict[str, Any]:
-    """Return the settings that differ from the defaults."""
-    defaults = to_plain(type(config)())
-    return {name: value for name, value in to_plain(config).items() if value != defaults[name]}
-
-
-def _lay_over_policies(config: TrainConfig, value: Any, where: str) -> dict[str, PolicyConfig]:
-    """Lay settings of single policies over what ``config`` says of them, or of all."""
-    policies = dict(config.policies)
-    for name, settings in _mapping(value, "policies", where).items():
-        place = f"{where}: policies.{name}"
-        own = Layer(_mapping(settings, name, place), place)
-        base = policies.get(name)
-        named = base.algorithm if base is not None else config.algorithm or "ppo"
-        chosen, since = _choose_algorithm([Layer({"algorithm": named}, place), own])
-        before = base or (config.sac if chosen == "sac" else config.ppo)
-        layers = [Layer(changed_settings(before), place), own]
-        policies[name] = _lay_all(chosen, layers, since)
-    return policies
+def _lay_over_policies(value: Any, where: str) -> dict[str, PolicyConfig]:
+    """Return the settings of single policies as a run saved them."""
+    return {
+        name: saved_policy(_mapping(settings, name, f"{where}: policies.{name}"),
+                           f"{where}: policies.{name}")
+        for name, settings in _mapping(value, "policies", where).items()
+    }  # fmt: skip
 
 
 def _mapping(value: Any, name: str, where: str) -> Mapping[str, Any]:

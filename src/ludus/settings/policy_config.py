@@ -8,7 +8,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from ludus.errors import ConfigError
+from ludus.settings.checks import (
+    ABOVE_0,
+    AT_LEAST_0,
+    AT_LEAST_1,
+    FROM_0_TO_1,
+    Check,
+    Settings,
+    optional,
+    require,
+    setting,
+)
 
 __all__ = [
     "ALGORITHM_CONFIGS",
@@ -17,7 +27,6 @@ __all__ = [
     "PPOConfig",
     "PolicyConfig",
     "SACConfig",
-    "require",
 ]
 
 Activation = Literal["tanh", "relu", "elu", "silu"]
@@ -27,8 +36,11 @@ Mode = Literal["train", "frozen", "deterministic"]
 most probable action and learns nothing."""
 
 
+SIZES = Check("sizes of at least 1", lambda sizes: min(sizes or (1,)) >= 1)
+
+
 @dataclass(frozen=True)
-class PPOConfig:
+class PPOConfig(Settings):
     """Settings of one policy trained with PPO.
 
     Attributes:
@@ -68,25 +80,25 @@ class PPOConfig:
 
     algorithm: Literal["ppo"] = "ppo"
     mode: Mode = "train"
-    hidden_sizes: tuple[int, ...] = (64, 64)
-    critic_hidden_sizes: tuple[int, ...] | None = None
+    hidden_sizes: tuple[int, ...] = setting((64, 64), SIZES)
+    critic_hidden_sizes: tuple[int, ...] | None = setting(None, SIZES)
     activation: Activation = "tanh"
-    memory_size: int = 0
-    sequence_length: int = 16
-    learning_rate: float = 1e-3
+    memory_size: int = setting(0, AT_LEAST_0)
+    sequence_length: int = setting(16, AT_LEAST_1)
+    learning_rate: float = setting(1e-3, ABOVE_0)
     learning_rate_schedule: Literal["linear", "constant"] = "linear"
-    rollout_steps: int = 32
-    minibatch_size: int = 1024
-    epochs: int = 4
+    rollout_steps: int = setting(32, AT_LEAST_1)
+    minibatch_size: int = setting(1024, AT_LEAST_1)
+    epochs: int = setting(4, AT_LEAST_1)
     overlap: bool = False
-    discount: float = 0.99
-    gae_lambda: float = 0.95
-    clip_range: float = 0.2
-    value_clip_range: float | None = None
+    discount: float = setting(0.99, FROM_0_TO_1)
+    gae_lambda: float = setting(0.95, FROM_0_TO_1)
+    clip_range: float = setting(0.2, ABOVE_0)
+    value_clip_range: float | None = setting(None, optional(ABOVE_0))
     value_coefficient: float = 0.5
     entropy_coefficient: float = 0.01
-    max_grad_norm: float = 0.5
-    target_kl: float | None = None
+    max_grad_norm: float = setting(0.5, ABOVE_0)
+    target_kl: float | None = setting(None, optional(ABOVE_0))
     normalise_advantage: bool = True
     normalise_observation: bool = True
     scale_reward: bool = True
@@ -95,19 +107,14 @@ class PPOConfig:
     squash: bool = False
 
     def __post_init__(self) -> None:
-        _check_networks(self)
-        _check_above_zero(self, "learning_rate", "clip_range", "max_grad_norm")
-        _check_shares(self, "discount", "gae_lambda")
-        _check_counts(self, "rollout_steps", "minibatch_size", "epochs", "sequence_length")
-        _check_optional(self, "value_clip_range", "target_kl")
-        require(self.memory_size >= 0, "memory_size", "at least 0", self.memory_size)
+        super().__post_init__()
         is_whole = self.rollout_steps % min(self.sequence_length, self.rollout_steps) == 0
         expected = f"a multiple of sequence_length, {self.sequence_length},"
         require(is_whole or not self.memory_size, "rollout_steps", expected, self.rollout_steps)
 
 
 @dataclass(frozen=True)
-class SACConfig:
+class SACConfig(Settings):
     """Settings of one policy trained with SAC.
 
     Attributes:
@@ -139,36 +146,31 @@ class SACConfig:
 
     algorithm: Literal["sac"] = "sac"
     mode: Mode = "train"
-    hidden_sizes: tuple[int, ...] = (256, 256)
-    critic_hidden_sizes: tuple[int, ...] | None = None
+    hidden_sizes: tuple[int, ...] = setting((256, 256), SIZES)
+    critic_hidden_sizes: tuple[int, ...] | None = setting(None, SIZES)
     activation: Activation = "relu"
-    learning_rate: float = 3e-4
+    learning_rate: float = setting(3e-4, ABOVE_0)
     learning_rate_schedule: Literal["linear", "constant"] = "constant"
-    batch_size: int = 256
-    replay_capacity: int = 100_000
+    batch_size: int = setting(256, AT_LEAST_1)
+    replay_capacity: int = setting(100_000, AT_LEAST_1)
     save_replay: bool = True
-    learning_starts: int = 1000
-    updates_per_step: float = 1.0
-    report_steps: int = 128
-    discount: float = 0.99
-    target_rate: float = 0.005
-    temperature: float | None = None
-    initial_temperature: float = 1.0
+    learning_starts: int = setting(1000, AT_LEAST_0)
+    updates_per_step: float = setting(1.0, ABOVE_0)
+    report_steps: int = setting(128, AT_LEAST_1)
+    discount: float = setting(0.99, FROM_0_TO_1)
+    target_rate: float = setting(0.005, FROM_0_TO_1)
+    temperature: float | None = setting(None, optional(ABOVE_0))
+    initial_temperature: float = setting(1.0, ABOVE_0)
     target_entropy: float | None = None
-    max_grad_norm: float | None = None
+    max_grad_norm: float | None = setting(None, optional(ABOVE_0))
     normalise_observation: bool = True
-    reward_scale: float = 1.0
+    reward_scale: float = setting(1.0, ABOVE_0)
 
     def __post_init__(self) -> None:
-        _check_networks(self)
-        _check_above_zero(self, "learning_rate", "updates_per_step", "initial_temperature",
-                          "reward_scale")  # fmt: skip
-        _check_shares(self, "discount", "target_rate")
-        _check_counts(self, "batch_size", "replay_capacity", "report_steps")
-        _check_optional(self, "temperature", "max_grad_norm")
-        require(self.learning_starts >= 0, "learning_starts", "at least 0", self.learning_starts)
-        require(self.replay_capacity >= self.batch_size, "replay_capacity",
-                f"at least batch_size, {self.batch_size},", self.replay_capacity)  # fmt: skip
+        super().__post_init__()
+        expected = f"at least batch_size, {self.batch_size},"
+        is_enough = self.replay_capacity >= self.batch_size
+        require(is_enough, "replay_capacity", expected, self.replay_capacity)
 
 
 PolicyConfig = PPOConfig | SACConfig
@@ -179,36 +181,3 @@ ALGORITHM_CONFIGS: dict[str, type[PPOConfig] | type[SACConfig]] = {
     "sac": SACConfig,
 }
 """Which settings an algorithm has."""
-
-
-def require(is_met: bool, name: str, expected: str, value: object) -> None:
-    """Raise a ``ConfigError`` about a setting unless ``is_met``."""
-    if not is_met:
-        raise ConfigError(f"{name} must be {expected}, not {value!r}")
-
-
-def _check_networks(config: PolicyConfig) -> None:
-    for name in ("hidden_sizes", "critic_hidden_sizes"):
-        sizes: tuple[int, ...] | None = getattr(config, name)
-        require(min(sizes or (1,)) >= 1, name, "sizes of at least 1", sizes)
-
-
-def _check_above_zero(config: PolicyConfig, *names: str) -> None:
-    for name in names:
-        require(getattr(config, name) > 0, name, "above 0", getattr(config, name))
-
-
-def _check_shares(config: PolicyConfig, *names: str) -> None:
-    for name in names:
-        require(0 <= getattr(config, name) <= 1, name, "from 0 to 1", getattr(config, name))
-
-
-def _check_counts(config: PolicyConfig, *names: str) -> None:
-    for name in names:
-        require(getattr(config, name) >= 1, name, "at least 1", getattr(config, name))
-
-
-def _check_optional(config: PolicyConfig, *names: str) -> None:
-    for name in names:
-        value = getattr(config, name)
-        require(value is None or value > 0, name, "above 0 or none", value)

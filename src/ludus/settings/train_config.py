@@ -1,4 +1,4 @@
-"""What a training run can be told: one struct = command line = TOML file = scene settings.
+"""Settings of a training run: one struct = command line = TOML file = scene settings.
 
 How the layers are laid over each other is the business of :mod:`ludus.settings.merging`.
 """
@@ -11,13 +11,32 @@ from pathlib import Path
 from typing import Literal
 
 from ludus.errors import ConfigError
-from ludus.settings.policy_config import Mode, PolicyConfig, PPOConfig, SACConfig, require
+from ludus.settings.checks import (
+    ABOVE_0,
+    AT_LEAST_0,
+    AT_LEAST_1,
+    FROM_0_TO_1,
+    Check,
+    Settings,
+    optional,
+    require,
+    setting,
+)
+from ludus.settings.policy_config import Mode, PolicyConfig, PPOConfig, SACConfig
+from ludus.settings.pool_config import GameConfig
 
 __all__ = ["LeagueConfig", "PPOConfig", "Phase", "PolicyConfig", "SACConfig", "TrainConfig"]
 
 
+SEED = Check("from 0 to 2^63 - 1", lambda seed: 0 <= seed < 2**63)
+FOLDER_NAME = Check(
+    "a folder name",
+    lambda name: re.fullmatch(r"[^/\\\0]*", name) is not None and name not in {".", ".."},
+)
+
+
 @dataclass(frozen=True)
-class LeagueConfig:
+class LeagueConfig(Settings):
     """Self-play against past selves.
 
     In a share of the worlds one side learns and every other side is played by a policy of the
@@ -33,53 +52,37 @@ class LeagueConfig:
         elo_factor: How far one game moves a rating (K).
     """
 
-    share: float = 0.0
-    pool_size: int = 10
-    snapshot_every_updates: int = 20
+    share: float = setting(0.0, FROM_0_TO_1)
+    pool_size: int = setting(10, AT_LEAST_1)
+    snapshot_every_updates: int = setting(20, AT_LEAST_1)
     sampling: Literal["uniform", "recent", "rating"] = "uniform"
-    max_opponents: int = 4
-    elo_factor: float = 16.0
-
-    def __post_init__(self) -> None:
-        require(0 <= self.share <= 1, "share", "from 0 to 1", self.share)
-        require(self.elo_factor > 0, "elo_factor", "above 0", self.elo_factor)
-        for name in ("pool_size", "snapshot_every_updates", "max_opponents"):
-            require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
+    max_opponents: int = setting(4, AT_LEAST_1)
+    elo_factor: float = setting(16.0, ABOVE_0)
 
 
 @dataclass(frozen=True)
-class Phase:
+class Phase(Settings):
     """Part of a schedule of modes.
 
     Attributes:
         updates: How many updates it lasts.
-        modes: Mode by policy; policies that are not named train.
+        modes: Mode by policy; policies that are not named keep their own.
     """
 
-    updates: int = 1
+    updates: int = setting(1, AT_LEAST_1)
     modes: dict[str, Mode] = field(default_factory=dict[str, Mode])
 
-    def __post_init__(self) -> None:
-        require(self.updates >= 1, "updates", "at least 1", self.updates)
 
-
-@dataclass(frozen=True)
-class TrainConfig:
+@dataclass(frozen=True, kw_only=True)
+class TrainConfig(GameConfig):
     """Settings of a training run.
 
     Attributes:
         target: What to train in: an example, a project folder, a scene, an exported game, an
             address, or gym:ENV_ID for any Gymnasium environment.
-        scene: Scene of the project, res://…; none is the project's own.
-        num_worlds: Worlds in each engine.
-        num_engines: Game processes side by side.
-        layout: "scene" is what the scene asks for; "isolated" gives each world its own physics
-            space, "grid" puts all into one.
-        ticks_per_step: Physics ticks per decision; none is what the agents say.
-        max_episode_steps: Steps after which episodes are truncated; none is what the agents say.
-        godot: Engine to use; none finds one.
         max_restarts: How often, in all, an engine that died or froze is started again.
-        seed: Seed of worlds, networks and sampling; none draws one, and notes it.
+        seed: Seed of worlds, networks and sampling; random if not given; saved in
+            config.json.
         total_steps: Agent steps after which training ends.
         max_time_s: Seconds of training after which it ends; none is no limit.
         target_return: Training ends when every policy's mean return reaches it; none never.
@@ -111,62 +114,38 @@ class TrainConfig:
         league: Self-play against past selves.
     """
 
-    target: str = ""
+    target: str = field(default="", kw_only=False)
     scene: str | None = None
-    num_worlds: int = 64
-    num_engines: int = 2
-    layout: Literal["scene", "isolated", "grid"] = "scene"
-    ticks_per_step: int | None = None
-    max_episode_steps: int | None = None
-    godot: Path | None = None
-    max_restarts: int = 3
-    seed: int | None = None
-    total_steps: int = 2_000_000
-    max_time_s: float | None = None
+    num_worlds: int = setting(64, AT_LEAST_1)
+    num_engines: int = setting(2, AT_LEAST_1)
+    max_restarts: int = setting(3, AT_LEAST_0)
+    seed: int | None = setting(None, optional(SEED))
+    total_steps: int = setting(2_000_000, AT_LEAST_1)
+    max_time_s: float | None = setting(None, optional(ABOVE_0))
     target_return: float | None = None
-    return_window: int = 100
-    checkpoint_every_s: float | None = 15.0
-    checkpoint_every_updates: int | None = None
-    keep_checkpoints: int = 3
-    keep_every_updates: int | None = None
+    return_window: int = setting(100, AT_LEAST_1)
+    checkpoint_every_s: float | None = setting(15.0, optional(ABOVE_0))
+    checkpoint_every_updates: int | None = setting(None, optional(AT_LEAST_1))
+    keep_checkpoints: int = setting(3, AT_LEAST_1)
+    keep_every_updates: int | None = setting(None, optional(AT_LEAST_1))
     exact_resume: bool = False
-    evaluation_episodes: int = 20
+    evaluation_episodes: int = setting(20, AT_LEAST_0)
     runs: Path = Path("runs")
-    name: str = ""
+    name: str = setting("", FOLDER_NAME)
     device: str = "auto"
     precision: Literal["auto", "float32", "bfloat16"] = "auto"
     compile: bool = False
-    torch_threads: int = 1
+    torch_threads: int = setting(1, AT_LEAST_1)
     algorithm: Literal["ppo", "sac"] | None = None
     ppo: PPOConfig = field(default_factory=PPOConfig)
     sac: SACConfig = field(default_factory=SACConfig)
     policies: dict[str, PolicyConfig] = field(default_factory=dict[str, PolicyConfig])
-    alternate_every: int | None = None
+    alternate_every: int | None = setting(None, optional(AT_LEAST_1))
     schedule: tuple[Phase, ...] = ()
     league: LeagueConfig = field(default_factory=LeagueConfig)
 
     def __post_init__(self) -> None:
-        for name in ("num_worlds", "num_engines", "total_steps", "return_window",
-                     "keep_checkpoints", "torch_threads"):  # fmt: skip
-            require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
-        for name in (
-            "ticks_per_step",
-            "max_episode_steps",
-            "checkpoint_every_updates",
-            "keep_every_updates",
-            "alternate_every",
-        ):
-            value = getattr(self, name)
-            require(value is None or value >= 1, name, "at least 1 or none", value)
-        for name in ("max_time_s", "checkpoint_every_s"):
-            value = getattr(self, name)
-            require(value is None or value > 0, name, "above 0 or none", value)
-        require(self.evaluation_episodes >= 0, "evaluation_episodes", "at least 0",
-                 self.evaluation_episodes)  # fmt: skip
-        require(self.seed is None or 0 <= self.seed < 2**63, "seed", "from 0 to 2^63 - 1",
-                 self.seed)  # fmt: skip
-        require(re.fullmatch(r"[^/\\\0]*", self.name) is not None and self.name not in {".", ".."},
-                 "name", "a folder name", self.name)  # fmt: skip
+        super().__post_init__()
         require(self.alternate_every is None or not self.schedule, "alternate_every",
                 "none beside a schedule", self.alternate_every)  # fmt: skip
         self._check_exact_resume()

@@ -50,6 +50,8 @@ def parse_target(
         TargetError: There is no such thing, or it cannot be run.
     """
     text, path = str(target), Path(target).expanduser()
+    if not text:
+        raise TargetError("no target was given", "name one: ludus train cartpole")
     engine = None if godot is None else Path(godot)
     if find_example(text) is not None:
         return Example(text, scene, engine)

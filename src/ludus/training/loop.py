@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import logging
-import secrets
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 
 import torch
@@ -16,35 +15,31 @@ from ludus.algorithms.learners import make_learners
 from ludus.errors import DivergenceError, RunError, UsageError
 from ludus.play.evaluation import MAX_STEPS, Evaluation, evaluate
 from ludus.play.players import trained_player
-from ludus.pool.interface import Pool
+from ludus.pool import EnginePool, Pool, PoolConfig, open_pool
 from ludus.runs.checkpoint import check_spec
 from ludus.runs.curve import draw_learning_curve
 from ludus.runs.metrics import MetricsLog
 from ludus.runs.run_folder import RunFolder
-from ludus.settings.merging import policy_settings
+from ludus.settings.merging import Layer, Resolved, merge, python_layer, resolve
 from ludus.settings.train_config import TrainConfig
-from ludus.spec import PolicySpec
+from ludus.target import check_accepted, parse_target
 from ludus.training.interrupt import Interrupts
 from ludus.training.progress import Reporter, RunResult, SilentReporter
-from ludus.training.source import open_source
 from ludus.training.trainer import Trainer
 
-__all__ = ["Configure", "complete", "log_file", "train", "write_result"]
+__all__ = ["log_file", "open_training_pool", "train", "write_result"]
 
 log = logging.getLogger(__name__)
 
 ENDLESS_STEPS = 10_000
 """Steps that the evaluation waits for episodes whose length nothing limits."""
 
-Configure = Callable[[Mapping[str, PolicySpec]], TrainConfig]
-
 
 def train(
-    config: TrainConfig,
+    config: TrainConfig | Sequence[Layer],
     *,
     pool: Pool | None = None,
     resume: Path | None = None,
-    configure: Configure | None = None,
     reporter: Reporter | None = None,
 ) -> RunResult:
     """Train every policy of a target, leave a run folder, evaluate.
@@ -52,11 +47,10 @@ def train(
     Ctrl-C and SIGTERM end training early with a checkpoint; the result says so.
 
     Args:
-        config: Settings. Those of a policy are laid over its scene's, see
-            :func:`ludus.settings.merging.policy_settings`.
+        config: Settings, as a whole or in layers. Those of a policy are laid over its scene's,
+            see :func:`ludus.settings.merging.resolve`.
         pool: Train in this one and leave it open; None opens what ``config`` names.
         resume: Folder of a run to go on with, from its newest checkpoint.
-        configure: Gives the settings once the game's policies are known; None keeps ``config``.
         reporter: Is told how it goes.
 
     Raises:
@@ -67,11 +61,13 @@ def train(
         EngineError: An engine failed for good; a checkpoint was written.
     """
     reporter = reporter or SilentReporter()
-    folder = RunFolder.find(resume) if resume else RunFolder.create(config)
+    layers = [python_layer(config)] if isinstance(config, TrainConfig) else config
+    before = merge(layers)
+    folder = RunFolder.find(resume) if resume else RunFolder.create(before)
     try:
-        with folder.locked(), _pool_for(config, pool, folder) as source, log_file(folder):
-            config = complete(configure(source.policies) if configure else config, source.policies)
-            return _train_in(source, config, folder, resume is not None, reporter)
+        with folder.locked(), _pool_for(before, pool, folder) as source, log_file(folder):
+            resolved = resolve(layers, source.policies)
+            return _train_in(source, resolved, folder, resume is not None, reporter)
     except UsageError:
         folder.discard_if_unused(but=folder.engine_logs)  # what was asked for is wrong
         raise
@@ -79,16 +75,10 @@ def train(
         folder.discard_if_unused()
 
 
-def complete(config: TrainConfig, policies: Mapping[str, PolicySpec]) -> TrainConfig:
-    """Return the effective settings: a seed, and settings for every policy there is."""
-    settings = {name: policy_settings(config, spec) for name, spec in policies.items()}
-    seed = secrets.randbits(31) if config.seed is None else config.seed
-    return replace(config, policies=settings, seed=seed)
-
-
 def _train_in(
-    pool: Pool, config: TrainConfig, folder: RunFolder, is_resumed: bool, reporter: Reporter
+    pool: Pool, resolved: Resolved, folder: RunFolder, is_resumed: bool, reporter: Reporter
 ) -> RunResult:
+    config = resolved.config
     torch.set_num_threads(config.torch_threads)
     learners = make_learners(config, pool)
     trainer = Trainer(config, pool, learners, folder)
@@ -100,7 +90,7 @@ def _train_in(
         trainer.resume(checkpoint)
         MetricsLog.forget_after(folder.metrics, checkpoint.agent_steps)
         log.info("resumed from %s", path)
-    folder.write_config(config)
+    folder.write_config(config, resolved.origins)
     folder.forget_result()
     reporter.started(config, folder.path)
     try:
@@ -166,6 +156,22 @@ def _evaluate(
     return evaluation
 
 
+def open_training_pool(config: TrainConfig, log_dir: Path | None = None) -> EnginePool:
+    """Open the pool that the settings of a run ask for; close it when done.
+
+    Args:
+        config: Target, worlds, engines and what goes with them.
+        log_dir: Where engines leave their output; None keeps it with the system's logs.
+
+    Raises:
+        TargetError: There is no such target, or it cannot be trained.
+        EngineError: The engine did not start.
+    """
+    target = parse_target(config.target, scene=config.scene, godot=config.godot)
+    check_accepted("train", target)
+    return open_pool(target, PoolConfig.of(config, log_dir=log_dir))
+
+
 @contextmanager
 def _pool_for(
     config: TrainConfig, pool: Pool | None, folder: RunFolder
@@ -173,11 +179,8 @@ def _pool_for(
     if pool is not None:
         yield pool
         return
-    opened = open_source(config, folder.engine_logs)
-    try:
+    with open_training_pool(config, folder.engine_logs) as opened:
         yield opened
-    finally:
-        opened.close()
 
 
 @contextmanager

@@ -20,8 +20,9 @@ from ludus.runs.checkpoint import Checkpoint
 from ludus.runs.curve import draw_learning_curve
 from ludus.runs.metrics import MetricsLog
 from ludus.runs.run_folder import RunFolder
+from ludus.settings.merging import python_layer, resolve
 from ludus.settings.train_config import TrainConfig
-from ludus.training.loop import complete, log_file, write_result
+from ludus.training.loop import log_file, write_result
 from ludus.training.trainer import Trainer
 
 __all__ = ["GameRun", "game_config", "opened_run"]
@@ -90,7 +91,8 @@ def game_config(config: TrainConfig, name: str | None, pool: Pool) -> TrainConfi
         evaluation_episodes=0,
         name=name or stem or UNNAMED,
     )
-    return replace(complete(named, pool.policies), seed=config.seed)
+    resolved = resolve([python_layer(named)], pool.policies)
+    return replace(resolved.config, seed=config.seed)
 
 
 @contextmanager
