@@ -39,6 +39,7 @@ class PlayCommand(ActionFlags):
         scene: Scene of the project; none is the one that was trained, or the main scene.
         seed: Seed of worlds and samples; in the engine, worlds draw their own.
         godot: Engine to use; none is the one that ludus finds.
+        token_file: File with the token of a game that listens on another machine.
     """
 
     target: tyro.conf.Positional[str]
@@ -49,6 +50,7 @@ class PlayCommand(ActionFlags):
     scene: str | None = None
     seed: int = 0
     godot: Path | None = None
+    token_file: Path | None = None
 
 
 COMMAND = PlayCommand
@@ -85,6 +87,7 @@ def run(command: PlayCommand) -> int:
         is_headless=command.headless,
         num_episodes=command.episodes or (HEADLESS_EPISODES if command.headless else None),
         godot=command.godot,
+        token_file=command.token_file,
     )
     if is_trained:
         config = _as_trained(config)

@@ -36,6 +36,7 @@ class PlayConfig:
         ticks_per_step: Physics ticks per decision; None: what the agents say.
         max_episode_steps: Steps until truncation; None: what the agents say.
         godot: Engine to use; None: the one that is found.
+        token_file: File with the token of a game on another machine.
     """
 
     target: str | Path
@@ -46,6 +47,7 @@ class PlayConfig:
     ticks_per_step: int | None = None
     max_episode_steps: int | None = None
     godot: Path | None = None
+    token_file: Path | None = None
 
 
 def require_screen() -> None:
@@ -80,6 +82,7 @@ def play_episodes(config: PlayConfig, player: MakePlayer, on_episode: OnEpisode)
     settings = PoolConfig(
         ticks_per_step=config.ticks_per_step,
         max_episode_steps=config.max_episode_steps,
+        token_file=config.token_file,
         is_pinned=config.is_headless,
         launch=launch,
     )
