@@ -29,7 +29,9 @@ def findings() -> dict[str, tuple[FindingStatus, str, str]]:
     return {item.name: (item.status, item.detail, item.hint) for item in doctor()}
 
 
-def test_bare_machine(bare_machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_fails_without_godot4_and_warns_without_the_rest(
+    bare_machine: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     found = findings()
@@ -41,7 +43,7 @@ def test_bare_machine(bare_machine: Path, monkeypatch: pytest.MonkeyPatch) -> No
     assert "xvfb" in found["screen"][2]
 
 
-def test_equipped_machine(bare_machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_reports_what_it_found(bare_machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     program = fake_godot(bare_machine / "godot4", "4.6.3.stable")
     monkeypatch.setenv("DISPLAY", ":7")
     found = findings()
@@ -50,7 +52,7 @@ def test_equipped_machine(bare_machine: Path, monkeypatch: pytest.MonkeyPatch) -
     assert found["cores"][0] is FindingStatus.OK
 
 
-def test_what_is_not_installed_is_said(bare_machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_names_missing_packages(bare_machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "platformdirs", None)
     monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)  # pyright: ignore
     found = findings()
@@ -59,7 +61,7 @@ def test_what_is_not_installed_is_said(bare_machine: Path, monkeypatch: pytest.M
     assert "ludus-rl[train]" in found["torch"][2]
 
 
-def test_torch_is_not_imported() -> None:
+def test_doctor_does_not_import_torch() -> None:
     code = (
         "import sys; from ludus.engine import doctor; doctor(); assert 'torch' not in sys.modules"
     )

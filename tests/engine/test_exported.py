@@ -51,17 +51,17 @@ def test_a_program_without_data(tmp_path: Path, tail: bytes) -> None:
     assert exported_with(program_at(tmp_path, tail)) is None
 
 
-def test_a_version_that_nobody_knows(tmp_path: Path) -> None:
+def test_an_unknown_version_of_godot_is_not_recognised(tmp_path: Path) -> None:
     (tmp_path / "game.pck").write_bytes(pack(7))
     assert exported_with(program_at(tmp_path)) is None
 
 
 @pytest.mark.parametrize("size", [0, 3, 11])
-def test_tiny_files(tmp_path: Path, size: int) -> None:
+def test_files_too_small_for_data_have_none(tmp_path: Path, size: int) -> None:
     program = tmp_path / "game"
     program.write_bytes(bytes(size))
     assert exported_with(program) is None
 
 
-def test_a_program_that_is_not_there(tmp_path: Path) -> None:
+def test_a_missing_program_has_no_data(tmp_path: Path) -> None:
     assert exported_with(tmp_path / "game") is None

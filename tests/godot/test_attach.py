@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import socket
+import subprocess
+import sys
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import psutil
@@ -21,7 +24,7 @@ from ludus.engine import (
     find_engine,
     godot_command,
 )
-from ludus.errors import EngineStartError
+from ludus.errors import ConfigError, EngineStartError
 from ludus.session import LaunchOptions
 from ludus.target.kinds import DEFAULT_PORT
 from tests.targets import find_scene
@@ -91,6 +94,57 @@ def test_attached_and_started_games_play_the_same_episode() -> None:
     assert np.array_equal(started.reset(seed=7)[0], first)
     assert np.array_equal(started.step(1)[0], after)
     started.close()
+
+
+# The address belongs to a network of the test's own, so that no other machine is asked.
+OTHER_MACHINE = 'ip address add 192.0.2.7/32 dev lo && ip link set lo up && exec "$0" -c "$1"'
+ATTACH = """
+import sys
+from pathlib import Path
+from ludus.cli.main import main
+from tests.godot.test_attach import await_port, running_game
+
+ours, theirs, runs = {ours!r}, {theirs!r}, {runs!r}
+with running_game("--ludus-listen=tcp:192.0.2.7:9999", f"--ludus-token-file={{theirs}}") as game:
+    await_port(9999)
+    code = main(["train", "192.0.2.7:9999", "--num-engines", "1", "--num-worlds", "4",
+                 "--total-steps", "2000", "--evaluation-episodes", "0", "--runs", runs,
+                 "--token-file", ours])
+    print("exit code of the game:", game.wait(20.0))
+sys.exit(code)
+"""
+
+
+@pytest.mark.parametrize("is_same", [True, False])
+def test_a_token_file_lets_a_trainer_attach_from_another_machine(
+    is_same: bool, tmp_path: Path
+) -> None:
+    (tmp_path / "ours").write_text(f"{TOKEN}\n")
+    (tmp_path / "theirs").write_text(TOKEN if is_same else TOKEN[::-1])
+    names = ("ours", "theirs", "runs")
+    script = ATTACH.format(**{name: str(tmp_path / name) for name in names})
+    done = subprocess.run(
+        ["unshare", "--map-root-user", "--net", "sh", "-c", OTHER_MACHINE, sys.executable, script],
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        timeout=120.0,
+        check=False,
+    )
+    if done.stderr.startswith("unshare:"):
+        pytest.skip(f"this user may not make a network: {done.stderr.strip()}")
+    if is_same:
+        assert done.returncode == 0, done.stderr
+        assert "exit code of the game: 0" in done.stdout
+    else:
+        assert done.returncode == 4, done.stderr
+        assert "token" in done.stderr
+
+
+def test_a_token_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    config = ludus.PoolConfig(token_file=tmp_path / "none")
+    with pytest.raises(ConfigError, match=r"token_file .*none cannot be read"):
+        ludus.open_pool("127.0.0.1:9", config)
 
 
 def test_nobody_listens() -> None:

@@ -24,6 +24,7 @@ class GameFlags:
         ticks_per_step: Physics ticks per decision; none is as in training.
         max_episode_steps: Steps after which episodes are truncated; none is as in training.
         godot: Engine to use; none is as in training.
+        token_file: File with the token of a game on another machine; none is as in training.
     """
 
     target: str | None = None
@@ -34,6 +35,7 @@ class GameFlags:
     ticks_per_step: int | None = None
     max_episode_steps: int | None = None
     godot: Path | None = None
+    token_file: Path | None = None
 
     def given(self) -> dict[str, Any]:
         """Return the settings that were given."""

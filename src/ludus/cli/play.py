@@ -97,7 +97,7 @@ def _as_trained(config: PlayConfig) -> PlayConfig:
     """Return the settings with what the run that is the target was trained with."""
     from ludus.runs.saved import trained_config
 
-    names = ("scene", "ticks_per_step", "max_episode_steps", "godot")
+    names = ("scene", "ticks_per_step", "max_episode_steps", "godot", "token_file")
     typed = {name: getattr(config, name) for name in names}
     trained = trained_config(Path(config.target), **typed)
     return replace(config, **{name: getattr(trained, name) for name in ("target", *names)})

@@ -43,7 +43,7 @@ from ludus.wire.handshake import EngineConfig
 __all__ = ["open_pool", "spin_us_beside"]
 
 DEFAULT_SPIN_US = 3000
-_NOT_OF_ENVIRONMENTS = ("scene", "layout", "ticks_per_step", "godot", "spin_us")
+_NOT_OF_ENVIRONMENTS = ("scene", "layout", "ticks_per_step", "godot", "spin_us", "token_file")
 """Settings that mean nothing to an environment of Gymnasium."""
 _NOT_OF_BRIDGES = (*_NOT_OF_ENVIRONMENTS, "num_worlds", "launch")
 """Settings that mean nothing to a game of a legacy bridge."""
@@ -80,15 +80,28 @@ def open_pool(target: str | Path | Target, config: PoolConfig | None = None) -> 
 
 def _open_engines(target: EngineTarget, config: PoolConfig) -> EnginePool:
     _check(config, target)
+    launch = config.launch
+    if config.token_file is not None:
+        launch = replace(launch, token=_read_token(config.token_file))
     game = prepare(target)
     cores = _reserve_cores(config, is_started_by_us=not isinstance(game, Address | Play))
 
     def open_engine(engine: int) -> Session:
         pinned = cores.plan.engines[engine]
-        options = replace(config.launch, cores=pinned, log_path=_log_path(config, engine))
+        options = replace(launch, cores=pinned, log_path=_log_path(config, engine))
         return open_session(game, _engine_config(config, engine), options)
 
     return EnginePool(open_engine, config.num_engines, config.max_restarts, cores)
+
+
+def _read_token(path: Path) -> str:
+    try:
+        return path.expanduser().read_text(encoding="utf-8").strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(
+            f"token_file {path} cannot be read: {error}",
+            hint="it must be a text file with the token that the game was started with",
+        ) from error
 
 
 def _open_environments(target: Gymnasium, config: PoolConfig) -> EnginePool:

@@ -177,5 +177,6 @@ def _check_token(host: str, token: str) -> None:
     if not is_local and len(token) < 16:
         raise EngineStartError(
             f"a game on another machine ({host}) needs a token of at least 16 characters",
-            hint="write it into a file and name it on both sides (--token-file)",
+            hint="put one into a file; start the game with --ludus-token-file=FILE, and Ludus with "
+            "--token-file FILE",
         )

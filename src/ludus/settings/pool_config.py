@@ -29,6 +29,8 @@ class GameConfig(Settings):
         ticks_per_step: Physics ticks per decision; none is what the agents say.
         max_episode_steps: Steps after which episodes are truncated; none is what the agents say.
         godot: Engine to use; none is the one that ludus finds.
+        token_file: File with the token that a game on another machine was started with
+            (``--ludus-token-file``): at least 16 characters; none for games on this machine.
     """
 
     scene: str | Path | None = None
@@ -38,6 +40,7 @@ class GameConfig(Settings):
     ticks_per_step: int | None = setting(None, optional(AT_LEAST_1))
     max_episode_steps: int | None = setting(None, optional(AT_LEAST_1))
     godot: Path | None = None
+    token_file: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
