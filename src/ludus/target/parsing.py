@@ -53,9 +53,9 @@ def parse_target(
     if not text:
         raise TargetError("no target was given", "name one: ludus train cartpole")
     engine = None if godot is None else Path(godot)
-    if find_example(text) is not None:
-        return Example(text, scene, engine)
     parsed = _parse_word(text)
+    if parsed is None and find_example(text) is not None:
+        return Example(text, scene, engine)
     if parsed is None and path.exists():
         if _has_scenes(path):
             return _parse_project(path, scene, engine)
