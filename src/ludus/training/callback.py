@@ -1,42 +1,20 @@
-"""What a trainer calls between steps: requests of games and users, and reports to the games."""
+"""Requests of games and users to a run, and reports to the games."""
 
 from __future__ import annotations
 
 import logging
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
 
 from ludus.pool.interface import Pool
 from ludus.runs.control import SaveRequest, SetMode, StopRequest, read_request, take_requests
+from ludus.training.trainer import Trainer
 
-if TYPE_CHECKING:
-    from ludus.training.trainer import Trainer
-
-__all__ = ["RunCallback", "TrainerCallback"]
+__all__ = ["RunCallback"]
 
 STATUS_EVERY_S = 0.5
 """Seconds of training between two reports to the games."""
 
 log = logging.getLogger(__name__)
-
-
-class TrainerCallback(Protocol):
-    """What a trainer calls between steps."""
-
-    def is_due(self) -> bool:
-        """Return whether :meth:`call` is to be called before the next step.
-
-        The trainer asks before every step, so this must be quick. Nothing collected is lost.
-        """
-        ...
-
-    def call(self) -> bool:
-        """Handle requests and report; called when :meth:`is_due` and after every update.
-
-        Returns:
-            Whether training has to end.
-        """
-        ...
 
 
 class RunCallback:

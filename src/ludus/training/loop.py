@@ -23,6 +23,7 @@ from ludus.runs.run_folder import RunFolder
 from ludus.settings.merging import Layer, Resolved, merge, python_layer, resolve
 from ludus.settings.train_config import TrainConfig
 from ludus.target import check_accepted, parse_target
+from ludus.training.callback import RunCallback
 from ludus.training.interrupt import Interrupts
 from ludus.training.progress import Reporter, RunResult, SilentReporter
 from ludus.training.trainer import Trainer
@@ -95,7 +96,8 @@ def _train_in(
     reporter.started(config, folder.path)
     try:
         with Interrupts() as interrupts:
-            stop_reason = trainer.run(interrupts.is_stopping, reporter)
+            callback = RunCallback(trainer, pool, folder.control)
+            stop_reason = trainer.run(interrupts.is_stopping, reporter, callback)
     except DivergenceError:
         write_result(trainer, folder, "diverged")
         raise

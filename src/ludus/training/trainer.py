@@ -6,7 +6,7 @@ import logging
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from torch import Tensor
@@ -27,17 +27,35 @@ from ludus.runs.run_list import StopReason
 from ludus.settings.merging import to_plain
 from ludus.settings.policy_config import Mode
 from ludus.settings.train_config import TrainConfig
-from ludus.training.callback import RunCallback, TrainerCallback
 from ludus.training.collect import Collector, CollectTimes
 from ludus.training.modes import ModeSchedule
 from ludus.training.progress import Progress, Reporter
 
-__all__ = ["Trainer"]
+__all__ = ["Trainer", "TrainerCallback"]
 
 log = logging.getLogger(__name__)
 
 SPEED_MEMORY = 0.9
 """Weight of the past in the speed that progress shows."""
+
+
+class TrainerCallback(Protocol):
+    """What a trainer calls between steps."""
+
+    def is_due(self) -> bool:
+        """Return whether :meth:`call` is to be called before the next step.
+
+        The trainer asks before every step, so this must be quick. Nothing collected is lost.
+        """
+        ...
+
+    def call(self) -> bool:
+        """Handle requests and report; called when :meth:`is_due` and after every update.
+
+        Returns:
+            Whether training has to end.
+        """
+        ...
 
 
 class Trainer:
@@ -132,7 +150,7 @@ class Trainer:
         self,
         is_stopping: Callable[[], bool],
         reporter: Reporter,
-        callback: TrainerCallback | None = None,
+        callback: TrainerCallback,
     ) -> StopReason:
         """Train until a limit of the config is reached or a stop is requested.
 
@@ -142,7 +160,7 @@ class Trainer:
         Args:
             is_stopping: Asked before each step.
             reporter: Shows progress.
-            callback: Handles requests; None: as ``ludus train`` does.
+            callback: Handles requests.
 
         Raises:
             DivergenceError: A loss became NaN or infinite.
@@ -151,7 +169,6 @@ class Trainer:
         """
         self.begin()
         self.save()
-        callback = callback or RunCallback(self, self._pool, self._folder.control)
         metrics = MetricsLog(self._folder.path, self.agent_steps)
         try:
             self._reset()

@@ -63,7 +63,7 @@ class Game:
 class Guidance:
     """Carries out the requests of one game, and reports progress to it.
 
-    It is also the trainer's :class:`~ludus.training.callback.TrainerCallback`. A game that does not
+    It is also the trainer's :class:`~ludus.training.trainer.TrainerCallback`. A game that does not
     guide its training is trained from the start until it says stop.
 
     Args:
