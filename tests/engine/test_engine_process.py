@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import multiprocessing
 import os
@@ -10,7 +11,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import psutil
@@ -364,6 +365,29 @@ def test_commands_of_both_godots(tmp_path: Path) -> None:
     assert executable_command(server, flags) == (
         str(server), "--headless", "--fixed-fps", "60", "--", "--ludus-a"
     )  # fmt: skip
+
+
+@pytest.fixture
+def foster_parent() -> Iterator[None]:
+    """Make this process the parent of orphans, in place of the machine's first process."""
+    set_child_subreaper = 36  # prctl(2)
+    ctypes.CDLL(None).prctl(set_child_subreaper, 1)
+    yield
+    ctypes.CDLL(None).prctl(set_child_subreaper, 0)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has subreapers")
+@pytest.mark.usefixtures("foster_parent")
+def test_dead_orphans_are_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ludus.engine.process_group._REST_GRACE_S", 30.0)
+    command = ("/bin/sh", "-c", "sleep 60 & exec sleep 60")
+    process = EngineProcess.start(LaunchConfig(command=command))
+    until(lambda: len(group_members(process.pid)) == 2)
+    [orphan] = set(group_members(process.pid)) - {process.pid}
+    start = time.monotonic()
+    process.terminate()
+    assert time.monotonic() < start + 20.0
+    assert os.waitpid(orphan, os.WNOHANG)[0] == orphan, "nobody else has reaped it"
 
 
 @pytest.mark.engine

@@ -101,13 +101,11 @@ class ProcessGroup:
         if sys.platform == "win32":
             return True
         deadline = time.monotonic() + timeout_s
-        while time.monotonic() < deadline:
-            try:
-                os.killpg(self.pid, 0)
-            except (ProcessLookupError, PermissionError):
-                return True
+        while _has_living_member(self.pid):
+            if time.monotonic() > deadline:
+                return False
             time.sleep(_POLL_S)
-        return False
+        return True
 
     def _has_exited(self) -> bool:
         """Check without reaping, so that the id of the group cannot be reused."""
@@ -131,6 +129,30 @@ class ProcessGroup:
         # An empty group is not an error; macOS reports it as a lack of permission.
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self.pid, number)
+
+
+def _has_living_member(group: int) -> bool:
+    """Tell whether any process of a group still runs.
+
+    A dead one whose parent is dead belongs to the group until the first process of the machine
+    reaps it; in a container that may take seconds, or never happen.
+    """
+    try:
+        os.killpg(group, 0)
+    except (ProcessLookupError, PermissionError):
+        return False
+    if sys.platform != "linux":
+        return True
+    return any(_is_living_member(path, group) for path in Path("/proc").glob("[0-9]*/stat"))
+
+
+def _is_living_member(stat: Path, group: int) -> bool:
+    try:
+        text = stat.read_text(encoding="utf-8", errors="replace")
+    except OSError:  # it has just ended
+        return False
+    state, _parent, own_group = text.rpartition(")")[2].split()[:3]  # proc_pid_stat(5)
+    return int(own_group) == group and state not in {"Z", "X"}
 
 
 _KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
