@@ -204,7 +204,7 @@ def test_features_are_part_of_the_target() -> None:
     assert with_view("cartpole") == "cartpole"
     with pytest.raises(TargetError, match="bevy:shooter has no feature 'veiw'") as caught:
         find_game("bevy:shooter+veiw")
-    assert caught.value.hint == "it has pixels, view"
+    assert caught.value.hint == "its features: pixels, view"
 
 
 @pytest.mark.timeout(900)
