@@ -119,15 +119,16 @@ def _read_json(payload: bytes) -> State:
         raise ProtocolError(
             f"the game sent something that is not JSON ({error}): {_shown(payload)}", _HINT
         ) from error
-    assert isinstance(answer, Data)
-    return {key: _part(answer, name, payload) for key, name in _FIELDS.items()}
+    answer = _as_object(answer, "the answer", payload)
+    return {
+        key: _as_object(answer.get(name, Data({})), name, payload) for key, name in _FIELDS.items()
+    }
 
 
-def _part(answer: Data, name: str, payload: bytes) -> Data:
-    part = answer.get(name, Data({}))
-    if not isinstance(part, Data):
+def _as_object(value: Any, name: str, payload: bytes) -> Data:
+    if not isinstance(value, Data):
         raise ProtocolError(f"{name} must be a JSON object, this came: {_shown(payload)}", _HINT)
-    return part
+    return value
 
 
 def _read_protobuf(payload: bytes, message_module: Any) -> State:
