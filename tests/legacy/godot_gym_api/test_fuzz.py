@@ -7,7 +7,7 @@ import json
 import tracemalloc
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ludus.errors import ActionError, ProtocolError
@@ -34,6 +34,7 @@ MODULES = st.sampled_from([None, WALK])
 
 @settings(max_examples=400, deadline=None)
 @given(payload=PAYLOADS, module=MODULES)
+@example(payload=b'{"$bytes": ""}', module=None)
 def test_any_answer_raises_documented_errors_only(payload: bytes, module: Any) -> None:
     try:
         state = decode_answer(payload, module)

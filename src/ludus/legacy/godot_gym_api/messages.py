@@ -119,7 +119,8 @@ def _read_json(payload: bytes) -> State:
         raise ProtocolError(
             f"the game sent something that is not JSON ({error}): {_shown(payload)}", _HINT
         ) from error
-    assert isinstance(answer, Data)
+    if not isinstance(answer, Data):  # `{"$bytes": …}` stands for bytes
+        raise ProtocolError(f"the answer is no JSON object: {_shown(payload)}", _HINT)
     return {key: _part(answer, name, payload) for key, name in _FIELDS.items()}
 
 
