@@ -18,6 +18,8 @@ from tests.serve.guided.conftest import Running, Start
 from tests.serve.guided.game import DEADLINE_S, small_spec
 from tests.serve.guided.test_guidance import await_result
 
+pytestmark = pytest.mark.slow
+
 HUGE = {"reward": [3e38] * 3}
 """Finite, but not its square."""
 

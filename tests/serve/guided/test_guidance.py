@@ -17,6 +17,8 @@ from ludus.runs.run_folder import RunFolder
 from tests.serve.guided.conftest import Running, Start
 from tests.serve.guided.game import CAPABILITIES, EPISODE_STEPS, small_spec
 
+pytestmark = pytest.mark.slow
+
 
 def weights(checkpoint: Checkpoint) -> dict[str, torch.Tensor]:
     return checkpoint.learners["cart"].tensors
