@@ -28,6 +28,7 @@ from tests.legacy.godot_ai.conftest import (
     saved_steps,
 )
 
+pytestmark = pytest.mark.slow
 DONE = {"done": True}
 
 

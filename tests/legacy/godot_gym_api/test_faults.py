@@ -30,6 +30,7 @@ from tests.legacy.godot_gym_api.conftest import ALL, Opener, left_processes
 from tests.legacy.godot_gym_api.fake_game import Serve, Walk, answering, playing, read_request
 from tests.legacy.gymgodot.conftest import await_so, command_of
 
+pytestmark = pytest.mark.slow
 HUGE = (1 << 26) + 1
 
 

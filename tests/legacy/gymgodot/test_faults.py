@@ -26,6 +26,7 @@ from ludus.errors import (
 from ludus.legacy.gymgodot import making
 from tests.legacy.gymgodot.conftest import Opener, game_of, left_processes, running_game
 
+pytestmark = pytest.mark.slow
 STEP = np.array([0.25], np.float32)
 
 

@@ -26,6 +26,7 @@ from tests.serve.guided.conftest import Running, Start
 from tests.serve.guided.game import CAPABILITIES, DEADLINE_S, Game
 from tests.wire.reference import frame, json_frame
 
+pytestmark = pytest.mark.slow
 BUSY = {
     "code": "busy",
     "message": "another game is being trained",
