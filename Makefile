@@ -1,7 +1,7 @@
 # make setup       virtual environment in .venv, package, Godot 4 and Godot 3
 # make demo        train the bundled CartPole in real Godot physics and evaluate it
 # make test        the Python, Godot 4 and Godot 3 tests, against the real engines
-# make test-fast   the tests that start no engine, in less than a minute
+# make test-fast   the tests that start no engine, in about a minute
 # make test-bevy   everything in Rust, and the Python tests with Bevy games; needs Cargo
 # make lint        formatters, linters and the type checker of every language
 # make bench       the table of docs/benchmarks.md
