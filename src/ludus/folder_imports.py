@@ -29,7 +29,7 @@ class FolderFinder:
 
     Args:
         folder: Absolute path.
-        names: Top-level modules to serve, whoever imports them.
+        names: Top-level modules to serve to every importer.
     """
 
     def __init__(self, folder: str, names: Sequence[str]) -> None:

@@ -61,7 +61,7 @@ class Patience:
     Attributes:
         step_timeout_s: How long an answer may take, seconds.
         silence_hint: For a game that does not answer.
-        gone_hint: For a game that has gone and that we did not start.
+        gone_hint: Hint when a game that we did not start disconnects.
     """
 
     step_timeout_s: float

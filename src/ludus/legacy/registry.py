@@ -16,7 +16,6 @@ __all__ = [
     "BRIDGES",
     "Bridge",
     "GameAddress",
-    "GamePlace",
     "check_settings",
     "find_bridge",
     "open_bridge_session",
@@ -25,9 +24,6 @@ __all__ = [
 
 _NOT_OF_USERS = {"target", "log_path", "cores"}
 """Settings that follow from the target and the pool."""
-
-GamePlace = GameAddress
-"""The name of earlier versions."""
 
 
 @dataclass(frozen=True)
