@@ -53,7 +53,7 @@ __all__ = [
 
 
 def did_you_mean(name: str, known: Collection[str], heading: str) -> str:
-    """Return the hint about an unknown name: a known one like it, or all of them after a heading."""
+    """Return a hint about an unknown name: the known one most like it, or else all of them."""
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     return f"did you mean {close[0]}?" if close else f"{heading}: {', '.join(known)}"
 
