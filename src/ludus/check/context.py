@@ -31,8 +31,8 @@ class CheckConfig(GameConfig):
         num_worlds: Worlds to play in.
         num_steps: Steps of random play.
         seed: Seed of world 0 and of its actions.
-        num_layout_worlds: Worlds when the layouts are compared.
-        timing_s: How long each layout is timed, seconds.
+        num_layout_worlds: Worlds for the comparison of the layouts.
+        timing_s: Seconds for which each layout is timed.
         launch: How games are started and watched.
     """
 

@@ -132,7 +132,7 @@ def teams_of(pool: Pool) -> Teams:
 
 
 def _schedule(teams: Teams, league_players: LeaguePlayers, episodes: int) -> Iterable[_Game]:
-    """Return all games; those of one player stand together, so that few networks run at once."""
+    """Return all games; those of one player are neighbours, so that few networks run at once."""
     names = teams.policies
     newest = [len(league_players[name]) - 1 for name in names]
     if len(set(names)) == 1:
