@@ -7,7 +7,6 @@ from collections.abc import Generator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
 from typing import cast
 
 from ludus.check.recording import Recording, record
@@ -128,10 +127,5 @@ class CheckContext:
     def __enter__(self) -> CheckContext:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
