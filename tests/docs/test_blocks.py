@@ -21,7 +21,11 @@ from ludus.engine import EngineKind, ensure_imported, find_engine, read_project
 from ludus.errors import LudusError
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+GENERATED = ROOT / "docs" / "reference"
+PAGES = [
+    ROOT / "README.md",
+    *sorted(page for page in (ROOT / "docs").rglob("*.md") if GENERATED not in page.parents),
+]
 BLOCK = re.compile(
     r"(?:<!-- not run: (?P<reason>.+?) -->\n)?^(?P<indent> *)```(?P<language>[\w,]*)\n"
     r"(?P<code>.*?)^(?P=indent)```$",
