@@ -45,8 +45,8 @@ AGENT_SCENE = {
     "godot4": """\
 [gd_scene format=3]
 [ext_resource path="res://{script}.gd" type="Script" id="1"]
-[ext_resource path="res://addons/ludus/ludus_agent.gd" type="Script" id="2"]
-[ext_resource path="res://addons/ludus/ludus_action_component.gd" type="Script" id="3"]
+[ext_resource path="res://addons/ludus/agent/ludus_agent.gd" type="Script" id="2"]
+[ext_resource path="res://addons/ludus/agent/ludus_action_component.gd" type="Script" id="3"]
 [sub_resource type="Resource" id="1"]
 script = ExtResource("3")
 [node name="Game" type="{root}"]

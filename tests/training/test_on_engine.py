@@ -57,9 +57,9 @@ func reset() -> void:
 SCENE = """\
 [gd_scene format=3]
 [ext_resource type="Script" path="res://pennies.gd" id="1"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_world.gd" id="2"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_action_component.gd" id="3"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_policy_settings.gd" id="4"]
+[ext_resource type="Script" path="res://addons/ludus/world/ludus_world.gd" id="2"]
+[ext_resource type="Script" path="res://addons/ludus/agent/ludus_action_component.gd" id="3"]
+[ext_resource type="Script" path="res://addons/ludus/training/ludus_policy_settings.gd" id="4"]
 [sub_resource type="Resource" id="choice"]
 script = ExtResource("3")
 name = "say"

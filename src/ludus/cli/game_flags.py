@@ -24,6 +24,8 @@ class GameFlags:
         ticks_per_step: Physics ticks per decision; as in training if not given.
         max_episode_steps: Steps after which episodes are truncated; as in training if not given.
         godot: Engine to use; as in training if not given.
+        is_pinned: Give each engine its own core, as in training if not given; without it none gets
+            one.
         token_file: File with the token of a game on another machine; as in training if not given.
     """
 
@@ -35,9 +37,11 @@ class GameFlags:
     ticks_per_step: int | None = None
     max_episode_steps: int | None = None
     godot: Path | None = None
+    is_pinned: bool = True
     token_file: Path | None = None
 
     def given(self) -> dict[str, Any]:
         """Return the settings that were given."""
         values = {part.name: getattr(self, part.name) for part in fields(GameFlags)}
-        return {name: value for name, value in values.items() if value is not None}
+        usual = {part.name: part.default for part in fields(GameFlags)}
+        return {name: value for name, value in values.items() if value != usual[name]}

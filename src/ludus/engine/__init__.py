@@ -7,6 +7,7 @@ from ludus.engine.affinity import (
     CorePlan,
     ReservedCores,
     allowed_cores,
+    num_cores,
     pinned_to,
     reserve_cores,
 )
@@ -68,6 +69,7 @@ __all__ = [
     "install_template",
     "list_engines",
     "matching_template",
+    "num_cores",
     "pinned_to",
     "read_project",
     "require_addon",
