@@ -151,9 +151,6 @@ class TrainConfig(GameConfig):
         super().__post_init__()
         require(self.alternate_every is None or not self.schedule, "alternate_every",
                 "none beside a schedule", self.alternate_every)  # fmt: skip
-        self._check_exact_resume()
-
-    def _check_exact_resume(self) -> None:
         if self.exact_resume and (
             self.checkpoint_every_s is not None or self.checkpoint_every_updates is None
         ):
