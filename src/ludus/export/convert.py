@@ -72,7 +72,7 @@ def to_model(policy: Policy, spec: PolicySpec) -> PolicyModel:
 
 
 def _entry(entry: ObservationEntry) -> ObservationEntry:
-    """Drop bounds that are infinite for some elements: JSON cannot say that, and nothing needs it.
+    """Drop bounds that are infinite for some elements, which JSON cannot hold and nothing needs.
 
     Gymnasium environments have such; engines cannot.
     """
