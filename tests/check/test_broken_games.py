@@ -37,8 +37,8 @@ CASES: list[tuple[str, Check, Status, str]] = [
     ("pointless", check_observations, Status.WARN, "episodes end"),
     ("pointless", check_actions, Status.WARN, "actions have an effect"),
     ("closed_mask", check_actions, Status.FAIL, "masks leave a choice"),
-    ("global_place", check_layouts, Status.FAIL, "isolated and grid"),
-    ("no_root_2d", check_layouts, Status.INFO, "isolated and grid"),
+    ("global_place", check_layouts, Status.FAIL, "isolated worlds and the grid"),
+    ("no_root_2d", check_layouts, Status.INFO, "isolated worlds and the grid"),
 ]
 
 
