@@ -194,20 +194,14 @@ def pinned_to(cores: tuple[int, ...] | None) -> Generator[None, None, None]:
         return
     with _pin_lock:
         before = os.sched_getaffinity(0)
-        _pin_thread(cores, before)
+        try:
+            os.sched_setaffinity(0, cores)
+        except OSError as error:
+            raise ConfigError(
+                f"an engine cannot be pinned to cores {list(cores)}: {error.strerror}",
+                hint=f"cores this process may use: {sorted(before)}",
+            ) from error
         try:
             yield
         finally:
             os.sched_setaffinity(0, before)
-
-
-def _pin_thread(cores: tuple[int, ...], allowed: set[int]) -> None:
-    if sys.platform != "linux":
-        return
-    try:
-        os.sched_setaffinity(0, cores)
-    except OSError as error:
-        raise ConfigError(
-            f"an engine cannot be pinned to cores {list(cores)}: {error.strerror}",
-            hint=f"cores this process may use: {sorted(allowed)}",
-        ) from error

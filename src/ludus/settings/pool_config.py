@@ -76,5 +76,8 @@ class PoolConfig(GameConfig):
         A command without the setting ``max_restarts`` reports a crash and starts nothing again.
         """
         names = [part.name for part in fields(cls) if hasattr(config, part.name)]
-        values = {"max_restarts": 0, **{name: getattr(config, name) for name in names}}
+        values: dict[str, Any] = {
+            "max_restarts": 0,
+            **{name: getattr(config, name) for name in names},
+        }
         return cls(**values | more)
