@@ -209,7 +209,7 @@ def _open_drawing(target: Target, config: PoolConfig) -> tuple[EnginePool, Ludus
         )
     try:
         with_display(("true",))
-        launch = replace(config.launch, has_renderer=True)
+        launch = replace(config.launch, gives_pictures=True)
         return open_pool(target, replace(config, launch=launch)), None
     except (SetupError, EngineError) as error:
         return open_pool(target, config), error
