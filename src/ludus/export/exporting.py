@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from ludus.disk import disk_errors, write_atomically
@@ -21,6 +22,7 @@ from ludus.export.parity import (
     require_parity,
 )
 from ludus.export.places import JSON, ONNX, check_place, format_of, place_files
+from ludus.export.runtimes import answer_with_torch
 from ludus.export.trained import TrainedPolicy, load_trained
 from ludus.model.json_file import write_model
 from ludus.model.policy_model import PolicyModel
@@ -77,7 +79,9 @@ def export_policies(config: ExportConfig) -> list[Exported]:
             model, files = _stage(one, Path(name) / str(index), formats, config.is_tested)
             report = None
             if config.is_tested:
-                report = measure_parity(one.policy, model, files, engine, one.recorded)
+                report = measure_parity(
+                    partial(answer_with_torch, one.policy), model, files, engine, one.recorded
+                )
                 require_parity(report)
             staged.append((files, report))
         return [

@@ -8,7 +8,7 @@ observations.
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,17 +19,18 @@ from ludus.engine import InstalledEngine
 from ludus.errors import ParityError
 from ludus.export.compare import TOLERANCE, Comparison, compare
 from ludus.export.engines import BevyGame, answer_with_engine
-from ludus.export.inputs import draw_inputs
+from ludus.export.inputs import ParityInputs, draw_inputs
 from ludus.export.runtimes import (
     Answers,
     answer_with_numpy,
     answer_with_onnx,
-    answer_with_torch,
 )
 from ludus.model.policy_model import PolicyModel
-from ludus.networks.policy import Policy
 
 __all__ = ["ParityReport", "PolicyFiles", "has_onnx_runtime", "measure_parity", "require_parity"]
+
+Reference = Callable[[ParityInputs], Answers]
+"""Answers of what was trained, which those of all runtimes are compared with."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ def has_onnx_runtime() -> bool:
 
 
 def measure_parity(
-    policy: Policy,
+    reference: Reference,
     model: PolicyModel,
     files: PolicyFiles,
     engine: InstalledEngine | BevyGame | None,
@@ -77,7 +78,7 @@ def measure_parity(
     """Ask every runtime and compare its answers with those of PyTorch.
 
     Args:
-        policy: The trained network.
+        reference: What the trained network answers.
         model: What was exported.
         files: Where.
         engine: Godot or a Bevy game; None leaves the engine out.
@@ -87,7 +88,7 @@ def measure_parity(
         EngineError: The engine failed.
     """
     inputs = draw_inputs(model, recorded)
-    expected = answer_with_torch(policy, inputs)
+    expected = reference(inputs)
     answers: dict[str, Answers] = {"NumPy": answer_with_numpy(files.json, inputs)}
     if files.onnx is not None:
         answers["ONNX Runtime"] = answer_with_onnx(files.onnx, inputs)
