@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from ludus.cli import train as train_command
-from ludus.cli.figures import sparkline
+from ludus.training.figures import sparkline
 from ludus.cli.main import main
 from ludus.errors import ConfigError
 from ludus.settings.merging import merge, resolve

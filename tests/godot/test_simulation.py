@@ -311,5 +311,5 @@ def test_ppo_learns_it(project: Path, tmp_path: Path) -> None:
         ),
     )
     result = train(config)
-    returns = json.loads((result.run / "evaluation.json").read_bytes())["chooser"]["returns"]
+    returns = json.loads((result.path / "evaluation.json").read_bytes())["chooser"]["returns"]
     assert len(returns) == 20 and np.mean(returns) > 9.5

@@ -55,7 +55,7 @@ def run(command: EvaluateCommand) -> int:
     import torch
     from rich.console import Console
 
-    from ludus.cli.live import evaluation_table
+    from ludus.training.live import evaluation_table
     from ludus.errors import ConfigError
     from ludus.play.evaluation import evaluate
     from ludus.play.players import load_player, random_player

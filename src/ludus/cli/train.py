@@ -103,7 +103,7 @@ def parse(arguments: Sequence[str]) -> TrainCommand:
 
 def run(command: TrainCommand) -> int:
     """Train; return 0, or 128 plus the signal that stopped it."""
-    from ludus.cli.live import reporter_for
+    from ludus.training.live import reporter_for
     from ludus.training.loop import train
 
     if command.explain:
@@ -112,12 +112,13 @@ def run(command: TrainCommand) -> int:
         result = train(command.layers, resume=command.resume, reporter=reporter)
     reporter.finished(result)
     if command.json:
-        values: dict[str, Any] = {**asdict(result), "run": str(result.run)}
+        values: dict[str, Any] = asdict(result)
+        values = {"run": str(values.pop("path"))} | values
         sys.stdout.write(json.dumps(values) + "\n")
     if result.signum is None:
         return 0
     name = signal.Signals(result.signum).name
-    again = f"{PROGRAM} --resume {shlex.quote(str(result.run))}"
+    again = f"{PROGRAM} --resume {shlex.quote(str(result.path))}"
     sys.stderr.write(f"stopped by {name} and saved; go on with: {again}\n")
     return 128 + result.signum
 

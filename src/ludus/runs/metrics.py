@@ -127,7 +127,10 @@ class _EventFile:
         self._records: Any = RecordWriter(self._file)
         self._write(_events.Event(wall_time=time.time(), file_version="brain.Event:2"))
         start = _events.SessionLog(status=_events.SessionLog.START)
-        self._write(_events.Event(wall_time=time.time(), step=first_step, session_log=start))
+        # TensorBoard drops the points of older files from this step on; that of ``first_step``
+        # itself is the last one before the resumption.
+        step = first_step + 1
+        self._write(_events.Event(wall_time=time.time(), step=step, session_log=start))
 
     def write(self, step: int, scalars: Mapping[str, float]) -> None:
         """Write scalars by tag."""

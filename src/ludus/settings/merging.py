@@ -30,6 +30,7 @@ __all__ = [
     "Resolved",
     "lay_over",
     "merge",
+    "plain_settings",
     "python_layer",
     "read_file",
     "resolve",
@@ -40,7 +41,7 @@ __all__ = [
 
 Struct = TypeVar("Struct", PPOConfig, SACConfig, TrainConfig, LeagueConfig, Phase)
 
-DEFAULT = "default"
+DEFAULT, PYTHON = "default", "Python"
 ORIGINS = "origins"
 """Where ``config.json`` has the origins of its settings; older ones have none."""
 
@@ -88,15 +89,43 @@ def python_layer(config: TrainConfig) -> Layer:
 
     Settings of single policies count as a whole: a script that gives them has chosen them all.
     """
-    plain, defaults = to_plain(config), to_plain(TrainConfig())
-    changed = {name: value for name, value in plain.items() if value != defaults[name]}
-    for algorithm in ALGORITHM_CONFIGS.keys() & changed.keys():
-        changed[algorithm] = {
-            name: value
-            for name, value in changed[algorithm].items()
-            if value != defaults[algorithm][name]
+    return Layer(PYTHON, plain_settings(_changed(config)))
+
+
+def plain_settings(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings as a script writes them as the values of a :class:`Layer`.
+
+    Args:
+        values: By name; plain, or structs such as ``PPOConfig``, of which counts what differs
+            from the defaults, below ``policies`` everything.
+    """
+    plain = {name: _plain(value) for name, value in values.items() if name != "policies"}
+    if isinstance(policies := values.get("policies"), Mapping):
+        named = cast(Mapping[str, Any], policies)
+        plain["policies"] = {
+            name: to_plain(own) if isinstance(own, PPOConfig | SACConfig) else _plain(own)
+            for name, own in named.items()
         }
-    return Layer("Python", changed)
+    elif "policies" in values:
+        plain["policies"] = policies
+    return plain
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        value = _changed(value)
+    if isinstance(value, Mapping):
+        return {name: _plain(each) for name, each in cast(Mapping[str, Any], value).items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in cast(Sequence[Any], value)]
+    return str(value) if isinstance(value, Path) else value
+
+
+def _changed(config: Any) -> dict[str, Any]:
+    """Return the fields of a struct that differ from the defaults."""
+    default = type(config)()
+    named = {part.name: getattr(config, part.name) for part in dataclasses.fields(config)}
+    return {name: value for name, value in named.items() if value != getattr(default, name)}
 
 
 def merge(layers: Sequence[Layer]) -> TrainConfig:

@@ -25,7 +25,11 @@ from ludus.settings.checks import (
 from ludus.settings.policy_config import Mode, PolicyConfig, PPOConfig, SACConfig
 from ludus.settings.pool_config import GameConfig
 
-__all__ = ["LeagueConfig", "PPOConfig", "Phase", "PolicyConfig", "SACConfig", "TrainConfig"]
+__all__ = ["CHANGEABLE", "LeagueConfig", "PPOConfig", "Phase", "PolicyConfig", "SACConfig", "Sink",
+           "TrainConfig"]  # fmt: skip
+
+Sink = Literal["wandb", "mlflow", "trackio"]
+"""What metrics can be sent to, beside ``metrics.jsonl`` and TensorBoard."""
 
 
 SEED = Check("from 0 to 2^63 - 1", lambda seed: 0 <= seed < 2**63)
@@ -96,6 +100,7 @@ class TrainConfig(GameConfig):
             uninterrupted one to the bit where the engine is deterministic. Cuts episodes short,
             and needs checkpoint_every_updates, as clocks are not deterministic.
         evaluation_episodes: Episodes of the evaluation at the end; 0 leaves it out.
+        track: Send metrics to Weights & Biases (wandb), MLflow (mlflow) or Trackio (trackio), too.
         runs: Folder that run folders are made in.
         name: Name of the run folder; empty makes one from target, date and time.
         device: PyTorch device of networks and updates, such as cpu or cuda; auto is cuda where
@@ -130,6 +135,7 @@ class TrainConfig(GameConfig):
     keep_every_updates: int | None = setting(None, optional(AT_LEAST_1))
     exact_resume: bool = False
     evaluation_episodes: int = setting(20, AT_LEAST_0)
+    track: tuple[Sink, ...] = ()
     runs: Path = Path("runs")
     name: str = setting("", FOLDER_NAME)
     device: str = "auto"
@@ -158,3 +164,10 @@ class TrainConfig(GameConfig):
                 "exact_resume needs checkpoints at fixed updates, not at times of the clock",
                 "set checkpoint_every_s to none and checkpoint_every_updates to a number",
             )
+
+
+CHANGEABLE = frozenset({
+    "total_steps", "max_time_s", "target_return", "checkpoint_every_s", "checkpoint_every_updates",
+    "keep_every_updates", "evaluation_episodes",
+})  # fmt: skip
+"""Settings of the run itself that may change while it goes on."""

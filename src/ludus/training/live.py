@@ -15,7 +15,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from ludus.cli.figures import CURVE_WIDTH, clock, sparkline
+from ludus.training.figures import CURVE_WIDTH, clock, sparkline
 from ludus.play.evaluation import Evaluation
 from ludus.runs.run_list import StopReason
 from ludus.settings.policy_config import Mode
@@ -77,7 +77,7 @@ class TerminalReporter:
         self.stop()
         if result.signum is None:
             self._console.print(summary_table(result))
-        self._console.print(f"run folder: {result.run}", highlight=False, soft_wrap=True)
+        self._console.print(f"run folder: {result.path}", highlight=False, soft_wrap=True)
 
     def stop(self) -> None:
         """End the live view."""
