@@ -62,7 +62,7 @@ def test_random_play_in_a_run_and_in_a_game(
 
 
 def test_a_game_without_random_play_is_no_run(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["evaluate", GAME]) == 5
+    assert main(["evaluate", GAME]) == 2
     assert "is not a run" in capsys.readouterr().err
 
 

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Union, get_type_hints
 
 import tyro
 
-from ludus.settings.merging import Layer, merge, read_file, resolve
+from ludus.settings.merging import Layer, merge, resolve
 from ludus.settings.policy_config import ALGORITHM_CONFIGS
 from ludus.settings.train_config import Phase, PPOConfig, SACConfig, TrainConfig
 
@@ -86,19 +86,12 @@ def parse(arguments: Sequence[str]) -> TrainCommand:
         default=TrainCommand(policies=policies),
         prog=PROGRAM,
     )
-    layers: list[Layer] = []
-    if command.resume is not None:
-        from ludus.runs.run_folder import RunFolder
+    from ludus.runs.run_folder import RunFolder, stack_layers
 
-        folder = RunFolder.find(command.resume)
-        saved = read_file(folder.path / "config.json")
-        layers.append(Layer(f"run {folder.path}", saved, is_saved=True))
-        command = replace(command, resume=folder.path)
-    if command.config is not None:
-        is_saved = command.config.suffix == ".json"
-        layers.append(Layer(f"file {command.config}", read_file(command.config), is_saved))
-    layers.append(Layer("command line", _typed(command, flags)))
-    return replace(command, layers=tuple(layers))
+    folder = None if command.resume is None else RunFolder.find(command.resume)
+    last = Layer("command line", _typed(command, flags))
+    layers = stack_layers(last, config=command.config, run=folder)
+    return replace(command, resume=None if folder is None else folder.path, layers=layers)
 
 
 def run(command: TrainCommand) -> int:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ludus.disk import disk_errors, write_atomically
 from ludus.engine import EngineKind, InstalledEngine, find_engine
 from ludus.engine.exported import is_bevy_game
-from ludus.errors import EngineNotFound, SetupError, TargetError
-from ludus.export.convert import to_model
+from ludus.errors import EngineNotFound, RunError, SetupError, TargetError
+from ludus.export.convert import outline, to_model
 from ludus.export.engines import BevyGame
 from ludus.export.parity import (
     ParityReport,
@@ -23,6 +24,7 @@ from ludus.export.places import JSON, ONNX, check_place, format_of, place_files
 from ludus.export.trained import TrainedPolicy, load_trained
 from ludus.model.json_file import write_model
 from ludus.model.policy_model import PolicyModel
+from ludus.networks.own_network import MakeNetwork
 from ludus.runs.run_folder import RunFolder
 from ludus.settings.train_config import TrainConfig
 from ludus.target import Executable, Scene, Target, parse_target, prepare
@@ -41,6 +43,7 @@ class ExportConfig:
         checkpoint: ``newest``, ``best`` or the path of a checkpoint.
         is_tested: Whether every runtime must compute what was trained.
         godot: Engine to test with; None is the run's, or the one that is found.
+        networks: What the run was trained with in the place of Ludus's networks.
     """
 
     run: Path
@@ -49,6 +52,7 @@ class ExportConfig:
     checkpoint: str = "newest"
     is_tested: bool = True
     godot: Path | None = None
+    networks: Mapping[str, MakeNetwork] = field(default_factory=dict[str, MakeNetwork])
 
 
 @dataclass(frozen=True)
@@ -77,6 +81,7 @@ def export_policies(config: ExportConfig) -> list[Exported]:
     Raises:
         CheckpointError: There is no such run or checkpoint, or it is corrupt.
         ConfigError: There is no such policy, or no such format.
+        RunError: The format that was named cannot hold a network.
         EngineNotFound: There is no Godot to test with.
         SetupError: The Bevy game to test with cannot be built.
         ParityError: A runtime computes something else than was trained; nothing is written.
@@ -84,16 +89,21 @@ def export_policies(config: ExportConfig) -> list[Exported]:
     """
     if config.to is not None:
         check_place(config.to)
-    trained = load_trained(config.run, config.checkpoint, config.policy)
+    trained = load_trained(config.run, config.checkpoint, config.policy, config.networks)
     folder = RunFolder.find(config.run)
-    places = place_files([one.spec.name for one in trained], config.to, folder.path)
+    models = {one.spec.name: _model(one) for one in trained}
+    others = [name for name, model in models.items() if model is None]
+    places = place_files(list(models), config.to, folder.path, others)
+    for one, place in zip(trained, places, strict=True):
+        if one.spec.name in others and format_of(place) == JSON:
+            to_model(one.policy, one.spec)  # says why that is impossible
     formats = {format_of(place) for place in places}
     engine = None
     if config.is_tested:
         engine = _find_engine(formats, config.godot, folder.read_config())
     with tempfile.TemporaryDirectory(prefix="ludus-export-") as name:
         staged = [
-            _stage(one, Path(name) / str(index), formats, config.is_tested)
+            _stage(one, models[one.spec.name], Path(name) / str(index), formats, config.is_tested)
             for index, one in enumerate(trained)
         ]
         reports: list[ParityReport | None] = [None] * len(trained)
@@ -127,11 +137,26 @@ class _Staged:
     files: PolicyFiles
 
 
-def _stage(one: TrainedPolicy, folder: Path, formats: set[str], is_tested: bool) -> _Staged:
+def _model(one: TrainedPolicy) -> PolicyModel | None:
+    """Return a policy as ``.ludus.json`` holds it, None if it cannot."""
+    try:
+        return to_model(one.policy, one.spec)
+    except RunError:
+        return None
+
+
+def _stage(
+    one: TrainedPolicy, model: PolicyModel | None, folder: Path, formats: set[str], is_tested: bool
+) -> _Staged:
     """Write a policy in all formats that are wanted or tested."""
     folder.mkdir()
-    model = to_model(one.policy, one.spec)
     json, onnx = folder / f"policy{JSON}", folder / f"policy{ONNX}"
+    if model is None:
+        from ludus.export.onnx_network import write_network
+
+        frame = outline(one.policy, one.spec)
+        write_network(onnx, one.policy, frame)
+        return _Staged(frame, PolicyFiles(None, onnx))
     write_model(json, model)
     if ONNX not in formats and not (is_tested and has_onnx_runtime()):
         return _Staged(model, PolicyFiles(json))

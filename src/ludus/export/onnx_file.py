@@ -31,7 +31,7 @@ from ludus.model.policy_model import PolicyModel, is_image
 from ludus.spec import ObservationEntry
 from ludus.version import __version__
 
-__all__ = ["MASK", "MEMORY", "to_onnx", "write_onnx"]
+__all__ = ["MASK", "MEMORY", "OPSET", "check_names", "to_onnx", "with_metadata", "write_onnx"]
 
 OPSET, IR_VERSION = 17, 8
 """Of 2022: what runtimes of the last years read."""
@@ -66,7 +66,7 @@ def to_onnx(model: PolicyModel) -> onnx.ModelProto:
     Raises:
         RunError: An observation entry has the name of another input or output.
     """
-    _check_names(model)
+    check_names(model)
     graph = OnnxGraph()
     features = _features(graph, model)
     outputs: list[ValueInfoProto] = []
@@ -83,7 +83,12 @@ def to_onnx(model: PolicyModel) -> onnx.ModelProto:
     return _checked(graph, model, outputs)
 
 
-def _check_names(model: PolicyModel) -> None:
+def check_names(model: PolicyModel) -> None:
+    """Refuse an observation entry that has the name of another input or output.
+
+    Raises:
+        RunError: It names the entry.
+    """
     for entry in model.observation:
         if entry.name in RESERVED:
             raise RunError(
@@ -188,6 +193,11 @@ def _checked(
         producer_name="ludus",
         producer_version=__version__,
     )
+    return with_metadata(proto, model)
+
+
+def with_metadata(proto: onnx.ModelProto, model: PolicyModel) -> onnx.ModelProto:
+    """Add the policy's name and spec to an ONNX model, and check it."""
     spec = {
         "observation": [entry.to_json() for entry in model.observation],
         "action": [part.to_json() for part in model.action],

@@ -37,11 +37,11 @@ class PolicyFiles:
     """One policy in all formats that are tested.
 
     Attributes:
-        json: The ``.ludus.json``.
+        json: The ``.ludus.json``; None if that cannot hold it, which leaves NumPy and engines out.
         onnx: The ``.onnx``; None leaves ONNX Runtime out.
     """
 
-    json: Path
+    json: Path | None
     onnx: Path | None = None
 
 
@@ -78,7 +78,7 @@ def measure_parity(
 
     Args:
         policy: The trained network.
-        model: What was exported.
+        model: What was exported, or its outline.
         files: Where.
         engine: Godot or a Bevy game; None leaves the engine out.
         recorded: Observations from the training, per entry ``dtype[n, *shape]``; may be empty.
@@ -88,10 +88,12 @@ def measure_parity(
     """
     inputs = draw_inputs(model, recorded)
     expected = answer_with_torch(policy, inputs)
-    answers: dict[str, Answers] = {"NumPy": answer_with_numpy(files.json, inputs)}
+    answers: dict[str, Answers] = {}
+    if files.json is not None:
+        answers["NumPy"] = answer_with_numpy(files.json, inputs)
     if files.onnx is not None:
         answers["ONNX Runtime"] = answer_with_onnx(files.onnx, inputs)
-    if engine is not None:
+    if engine is not None and files.json is not None:
         is_bevy = isinstance(engine, BevyGame)
         name = "Bevy" if is_bevy else f"Godot {'.'.join(map(str, engine.version))}"
         answers[name] = answer_with_engine(engine, files.json, model, inputs)

@@ -1,30 +1,34 @@
-"""Show a training run while it runs: a live view on a terminal, plain lines elsewhere."""
+"""Show a run while it goes on: a live view on terminals and in notebooks, else plain lines."""
 
 from __future__ import annotations
 
+import io
+import sys
 import time
 from collections import deque
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
-from rich.console import Console, Group
+from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from ludus.training.figures import CURVE_WIDTH, clock, sparkline
 from ludus.play.evaluation import Evaluation
 from ludus.runs.run_list import StopReason
 from ludus.settings.policy_config import Mode
 from ludus.settings.train_config import TrainConfig
-from ludus.training.progress import Progress, RunResult
+from ludus.training.figures import CURVE_WIDTH, clock, sparkline
+from ludus.training.progress import Progress, RunResult, SilentReporter
 
-__all__ = ["TerminalReporter", "evaluation_table", "reporter_for"]
+__all__ = ["TerminalReporter", "evaluation_table", "reporter_for", "reporter_for_script"]
 
 REFRESH_S, LINE_EVERY_S = 0.25, 2.0
+NOTEBOOK_WIDTH = 100
+"""Characters."""
 ENDINGS: dict[StopReason, str] = {
     "total_steps": "ended at total_steps",
     "max_time": "ended at max_time_s",
@@ -54,9 +58,7 @@ class TerminalReporter:
 
     def updated(self, progress: Progress) -> None:
         """Show progress, a few times per second at most."""
-        for name, metrics in progress.policies.items():
-            if "mean_return" in metrics:
-                self._curves.setdefault(name, Curve()).add(metrics["mean_return"])
+        self._note_returns(progress)
         now = time.monotonic()
         if now - self._shown_at_s < (REFRESH_S if self._live else LINE_EVERY_S):
             return
@@ -85,6 +87,11 @@ class TerminalReporter:
             self._live.stop()
             self._live = None
 
+    def _note_returns(self, progress: Progress) -> None:
+        for name, metrics in progress.policies.items():
+            if "mean_return" in metrics:
+                self._curves.setdefault(name, Curve()).add(metrics["mean_return"])
+
     def _picture(self, progress: Progress) -> Group:
         share = self._share(progress)
         table = Table.grid(padding=(0, 2))
@@ -100,6 +107,46 @@ class TerminalReporter:
         by_steps = progress.agent_steps / progress.total_steps
         by_time = progress.wall_s / self._max_time_s if self._max_time_s else 0.0
         return min(1.0, max(by_steps, by_time))
+
+
+class NotebookReporter(TerminalReporter):
+    """Shows a run in one output of a notebook cell, which is drawn again and again."""
+
+    def __init__(self) -> None:
+        # Rich's own view needs ipywidgets; a plain text that is replaced needs nothing.
+        super().__init__(Console(file=io.StringIO(), width=NOTEBOOK_WIDTH))
+        self._started = ""
+        self._display: Any = None
+
+    def started(self, config: TrainConfig, run: Path) -> None:
+        """Say what is trained, and where it goes."""
+        import IPython.display
+
+        self._max_time_s = config.max_time_s
+        self._started = f"training {config.target} into {run}\n"
+        module: Any = IPython.display
+        self._display = module.display({"text/plain": self._started}, raw=True, display_id=True)
+
+    def updated(self, progress: Progress) -> None:
+        """Show progress, a few times per second at most."""
+        self._note_returns(progress)
+        now = time.monotonic()
+        if now - self._shown_at_s >= REFRESH_S:
+            self._shown_at_s = now
+            self._show(self._picture(progress))
+
+    def evaluating(self, episodes: int) -> None:
+        """Say that the evaluation begins."""
+        self._show(Text(f"evaluating over {episodes} episodes"))
+
+    def finished(self, result: RunResult) -> None:
+        """Show how the run ended."""
+        self._show(summary_table(result))
+
+    def _show(self, content: RenderableType) -> None:
+        with self._console.capture() as text:
+            self._console.print(content)
+        self._display.update({"text/plain": self._started + text.get()}, raw=True)
 
 
 class Curve:
@@ -189,3 +236,29 @@ def reporter_for(stream: TextIO) -> Generator[TerminalReporter, None, None]:
         yield reporter
     finally:
         reporter.stop()
+
+
+@contextmanager
+def reporter_for_script(
+    progress: bool | None,
+) -> Generator[TerminalReporter | SilentReporter, None, None]:
+    """Give the reporter of a script.
+
+    Args:
+        progress: Whether to show something; None shows it in notebooks and on terminals.
+    """
+    in_notebook = _is_notebook()
+    if not (in_notebook or sys.stderr.isatty() if progress is None else progress):
+        yield SilentReporter()
+    elif in_notebook:
+        yield NotebookReporter()
+    else:
+        with reporter_for(sys.stderr) as reporter:
+            yield reporter
+
+
+def _is_notebook() -> bool:
+    """Return whether a kernel with a front end runs this process."""
+    ipython: Any = sys.modules.get("IPython")
+    shell = None if ipython is None else ipython.get_ipython()
+    return shell is not None and hasattr(shell, "kernel")

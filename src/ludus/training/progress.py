@@ -80,6 +80,10 @@ class Reporter(Protocol):
         """Training is over; the evaluation begins."""
         ...
 
+    def finished(self, result: RunResult) -> None:
+        """The run has ended without an error; not called by the trainer itself."""
+        ...
+
 
 class SilentReporter:
     """Shows nothing."""
@@ -91,4 +95,7 @@ class SilentReporter:
         """Show nothing."""
 
     def evaluating(self, episodes: int) -> None:
+        """Show nothing."""
+
+    def finished(self, result: RunResult) -> None:
         """Show nothing."""

@@ -6,7 +6,7 @@ import logging
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 from torch import Tensor
@@ -27,7 +27,7 @@ from ludus.runs.random_state import random_state, restore_random_state
 from ludus.runs.run_folder import RunFolder
 from ludus.runs.run_list import StopReason
 from ludus.settings.merging import to_plain
-from ludus.settings.policy_config import Mode, PPOConfig, SACConfig
+from ludus.settings.policy_config import Mode
 from ludus.settings.train_config import TrainConfig
 from ludus.spec import PolicySpec
 from ludus.training.collect import Collector, CollectTimes, OnEpisodes
@@ -304,10 +304,8 @@ class Trainer:
             learner = self._learners[name]
             if settings.mode != self.config.policies[name].mode:
                 self.set_mode(name, settings.mode)
-            if isinstance(learner, PPO) and isinstance(settings, PPOConfig):
-                learner.config = settings
-            elif isinstance(learner, SAC) and isinstance(settings, SACConfig):
-                learner.config = settings
+            if isinstance(learner, PPO | SAC):
+                cast(Any, learner).config = settings
         self.config = config
 
     def _note_learning(self) -> None:

@@ -1,0 +1,56 @@
+"""docs/python.md: every piece of code runs, on a real Godot, in shorter runs."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import ludus
+
+PAGE = Path(__file__).parents[2] / "docs" / "python.md"
+BLOCKS = re.findall(r"(<!-- example: [\w ]+ -->\n)?```python\n(.*?)```", PAGE.read_text(), re.S)
+EXAMPLES = {
+    name.strip()[len("<!-- example: ") : -len(" -->")]: code for name, code in BLOCKS if name
+}
+SHORT: dict[str, Any] = {"total_steps": 16_384, "num_engines": 1, "evaluation_episodes": 2}
+
+
+@pytest.fixture
+def short_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    train, evaluate = ludus.train, ludus.evaluate
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(
+        ludus, "train", lambda *given, **named: train(*given, **{**named, **SHORT}), raising=False
+    )
+    monkeypatch.setattr(
+        ludus,
+        "evaluate",
+        lambda *given, **named: evaluate(*given, **{**named, "episodes": 2}),
+        raising=False,
+    )
+
+
+@pytest.mark.engine
+@pytest.mark.usefixtures("short_runs")
+def test_the_guide_runs_from_top_to_bottom() -> None:
+    names: dict[str, Any] = {"__name__": "guide"}
+    for name, code in BLOCKS:
+        if not name:
+            exec(compile(code, "docs/python.md", "exec"), names)
+    assert names["longest"] > 0
+    assert names["files"]["cart"].exists()
+
+
+@pytest.mark.engine
+@pytest.mark.usefixtures("short_runs")
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_an_example_is_short_and_learns(name: str) -> None:
+    code = EXAMPLES[name]
+    assert code.count("\n") < 100
+    names: dict[str, Any] = {"__name__": "example"}
+    exec(compile(code, "docs/python.md", "exec"), names)
+    lines = [line["policies"]["cart"] for line in names["run"].metrics]
+    assert lines[-1]["mean_return"] > lines[0].get("mean_return", 0.0)
