@@ -12,10 +12,10 @@ import ludus
 
 PAGE = Path(__file__).parents[2] / "docs" / "python.md"
 BLOCKS = re.findall(r"(<!-- example: [\w ]+ -->\n)?```python\n(.*?)```", PAGE.read_text(), re.S)
-EXAMPLES = {
-    name.strip()[len("<!-- example: ") : -len(" -->")]: code for name, code in BLOCKS if name
-}
-SHORT: dict[str, Any] = {"total_steps": 16_384, "num_engines": 1, "evaluation_episodes": 2}
+EXAMPLES = {name.split(": ")[1].removesuffix(" -->\n"): code for name, code in BLOCKS if name}
+SHORT: dict[str, Any] = {
+    "total_steps": 16_384, "num_worlds": 16, "num_engines": 1, "evaluation_episodes": 2,
+}  # fmt: skip
 
 
 @pytest.fixture
