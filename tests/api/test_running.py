@@ -43,7 +43,9 @@ def test_settings_are_those_of_the_command(train_small: Any) -> None:
     ]  # fmt: skip
     typed = merge(train_command.parse(flags).layers)
     config = RunFolder(run.path).read_config()
-    assert config.policies["agent"].entropy_coefficient == 0.02
+    own = config.policies["agent"]
+    assert isinstance(own, PPOConfig)
+    assert own.entropy_coefficient == 0.02
     assert asdict(typed) == {**asdict(config), "policies": {}}
 
 
@@ -66,8 +68,8 @@ def test_structs_and_dictionaries_are_the_same_settings(train_small: Any) -> Non
         ({"policies": 3}, "policies must hold settings by name, not 3"),
         ({"networks": {"hero": nn.Identity}}, "there is no policy 'hero'"),
         ({"pool": 3}, "pool must be what ludus.open_pool returns, not int"),
-        ({"learners": {"agent": lambda *_: 3}}, "int, lacks act, begin"),
-        ({"networks": {"agent": lambda _: 3}}, "must be a torch.nn.Module, not int"),
+        ({"learners": {"agent": lambda *_: 3}}, "int, lacks act, begin"),  # pyright: ignore
+        ({"networks": {"agent": lambda _: 3}}, "must be a torch.nn.Module, not int"),  # pyright: ignore
     ],
     ids=str,
 )
@@ -111,7 +113,11 @@ def test_updates_are_reported_after_their_metrics_are_written(train_small: Any) 
 
 def test_every_episode_is_reported_once(train_small: Any) -> None:
     episodes: list[Episode] = []
-    run = train_small(on_episode=lambda _, episode: episodes.append(episode))
+
+    def on_episode(_: Training, episode: Episode) -> None:
+        episodes.append(episode)
+
+    run = train_small(on_episode=on_episode)
     assert [episode.number for episode in episodes] == list(range(1, 41))
     assert {episode.length for episode in episodes} == {8}
     lines = run.metrics
@@ -164,8 +170,11 @@ def test_a_callback_changes_settings_that_the_run_records(train_small: Any) -> N
 def test_what_cannot_change_ends_the_run_with_an_error(
     train_small: Any, change: dict[str, Any], message: str
 ) -> None:
+    def on_update(training: Training) -> None:
+        training.change(**change)
+
     with pytest.raises(ConfigError, match=message):
-        train_small(on_update=lambda training: training.change(**change))
+        train_small(on_update=on_update)
 
 
 @pytest.mark.parametrize("hook", ["on_update", "on_episode"])
@@ -243,5 +252,8 @@ def test_a_chain_of_layers_goes_into_the_game(train_small: Any) -> None:
 
 
 def test_a_network_that_returns_no_rows_is_an_error(train_small: Any) -> None:
+    def make(_: Any) -> nn.Module:
+        return nn.Sequential(nn.Unflatten(1, (2, 2)))
+
     with pytest.raises(UsageError, match=r"float32\[2, features\] here, not \[2, 2, 2\]"):
-        train_small(networks={"agent": lambda _: nn.Sequential(nn.Unflatten(1, (2, 2)))})
+        train_small(networks={"agent": make})

@@ -20,17 +20,18 @@ SHORT: dict[str, Any] = {
 
 @pytest.fixture
 def short_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    train, evaluate = ludus.train, ludus.evaluate
+    train: Any = ludus.train
+    evaluate: Any = ludus.evaluate
+
+    def train_shortly(*given: Any, **named: Any) -> Any:
+        return train(*given, **{**named, **SHORT})
+
+    def evaluate_shortly(*given: Any, **named: Any) -> Any:
+        return evaluate(*given, **{**named, "episodes": 2})
+
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(
-        ludus, "train", lambda *given, **named: train(*given, **{**named, **SHORT}), raising=False
-    )
-    monkeypatch.setattr(
-        ludus,
-        "evaluate",
-        lambda *given, **named: evaluate(*given, **{**named, "episodes": 2}),
-        raising=False,
-    )
+    monkeypatch.setattr(ludus, "train", train_shortly, raising=False)
+    monkeypatch.setattr(ludus, "evaluate", evaluate_shortly, raising=False)
 
 
 @pytest.mark.engine

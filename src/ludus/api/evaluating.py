@@ -17,7 +17,8 @@ from ludus.play.evaluation import evaluate as evaluate_in
 from ludus.play.players import Stochastic, load_player, random_player
 from ludus.pool import Pool
 from ludus.runs.saved import trained_config
-from ludus.settings.merging import PYTHON, lay_over, plain_settings
+from ludus.settings.merging import PYTHON
+from ludus.settings.plain import merge_settings, plain_settings
 from ludus.settings.train_config import TrainConfig
 from ludus.target import find_run, parse_target
 from ludus.training.loop import open_training_pool
@@ -109,4 +110,4 @@ def _config(
                 max_episode_steps=run.max_episode_steps,
                 godot=run.godot,
             )
-    return lay_over(config, plain_settings(settings), PYTHON)
+    return merge_settings(config, plain_settings(settings), PYTHON)

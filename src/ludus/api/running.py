@@ -9,14 +9,16 @@ from typing import Any
 
 from ludus.algorithms.learners import MakeLearner, OwnParts
 from ludus.api.evaluating import evaluate
-from ludus.export.exporting import ExportConfig, export_policies
+from ludus.export.config import ExportConfig
+from ludus.export.exporting import export_policies
 from ludus.networks.own_network import MakeNetwork
 from ludus.play.evaluation import Evaluation
 from ludus.play.players import Stochastic
 from ludus.pool import Pool
 from ludus.runs.metrics import read_metrics
 from ludus.runs.run_folder import RunFolder, stack_layers
-from ludus.settings.merging import PYTHON, Layer, plain_settings, python_layer
+from ludus.settings.merging import PYTHON, Layer, python_layer
+from ludus.settings.plain import plain_settings
 from ludus.settings.train_config import TrainConfig
 from ludus.training import loop
 from ludus.training.hooks import Hooks, OnTrainingEpisode, OnUpdate
@@ -96,9 +98,9 @@ class Run(RunResult):
             to=None if to is None else str(to),
             checkpoint=checkpoint,
             is_tested=parity,
-            networks=self._own.networks,
         )
-        return {exported.policy: exported.path for exported in export_policies(config)}
+        exported = export_policies(config, self._own.networks)
+        return {one.policy: one.path for one in exported}
 
 
 def train(

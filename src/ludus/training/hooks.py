@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ludus.errors import ConfigError
 from ludus.runs.run_folder import RunFolder
-from ludus.settings.merging import Layer, plain_settings, resolve, to_plain
+from ludus.settings.merging import Layer, resolve
+from ludus.settings.plain import plain_settings, to_plain
 from ludus.settings.policy_config import CHANGEABLE as CHANGEABLE_OF_POLICY
 from ludus.settings.train_config import CHANGEABLE, TrainConfig
 from ludus.training.progress import Progress
