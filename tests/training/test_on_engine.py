@@ -182,7 +182,7 @@ def test_the_scene_chooses_algorithm_and_network(pennies: Any) -> None:
     [
         ('more = {"learning_rat": 1}', r"policy odd \(scene\): unknown setting learning_rat"),
         ("hidden_sizes = PackedInt32Array(-1)", r"policy odd \(scene\): hidden_sizes must be"),
-        ('algorithm = 2\nmore = {"clip_range": 0.1}', "clip_range is no setting of sac"),
+        ('algorithm = 2\nmore = {"clip_range": 0.1}', "has no setting clip_range"),
     ],
 )
 def test_settings_that_do_not_fit_name_policy_and_setting(

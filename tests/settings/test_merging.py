@@ -7,15 +7,8 @@ from typing import Any
 import pytest
 
 from ludus.errors import ConfigError
-from ludus.settings.merging import (
-    Layer,
-    lay_over,
-    python_layer,
-    read_file,
-    resolve,
-    resolve_policy,
-    to_plain,
-)
+from ludus.settings.merging import Layer, python_layer, resolve, resolve_policy
+from ludus.settings.plain import merge_settings, read_file, to_plain
 from ludus.settings.train_config import (
     LeagueConfig,
     Phase,
@@ -78,7 +71,7 @@ def test_another_algorithm_drops_what_only_the_first_one_knows() -> None:
 
 
 def test_a_setting_of_another_algorithm_in_the_same_place_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r"policy hero .scene.: clip_range is no setting of sac"):
+    with pytest.raises(ConfigError, match=r"policy hero .scene.: sac.* has no setting clip_range"):
         settings_of(policy(algorithm="sac", clip_range=0.1))
 
 
@@ -148,12 +141,15 @@ def test_unknown_setting_names_policy_and_close_match() -> None:
         ({"league": {"share": 2}}, "share must be from 0 to 1"),
         ({"sac": {"replay_capacity": 10}}, "replay_capacity must be at least batch_size, 256"),
         ({"policies": {"hero": {"algorithm": "dqn"}}}, "algorithm must be 'ppo' or 'sac'"),
-        ({"policies": {"hero": {"batch_size": 9}}}, "batch_size is no setting of ppo"),
+        (
+            {"policies": {"hero": {"batch_size": 9}}},
+            "ppo, which this policy uses, has no setting batch_size",
+        ),
     ],
 )
 def test_values_that_do_not_fit(values: dict[str, Any], text: str) -> None:
     with pytest.raises(ConfigError, match=text):
-        lay_over(TrainConfig(), values, "file")
+        merge_settings(TrainConfig(), values, "file")
 
 
 def test_effective_settings_come_back_whole() -> None:
@@ -164,13 +160,13 @@ def test_effective_settings_come_back_whole() -> None:
         league=LeagueConfig(share=0.5, sampling="rating"),
     )  # fmt: skip
     plain = json.loads(json.dumps(to_plain(config)))
-    assert lay_over(TrainConfig(), plain, "saved") == config
+    assert merge_settings(TrainConfig(), plain, "saved") == config
 
 
 def test_saved_origins_are_no_settings(tmp_path: Path) -> None:
     saved = tmp_path / "config.json"
     saved.write_text(json.dumps({**to_plain(TrainConfig("x")), "origins": {"target": "Python"}}))
-    assert lay_over(TrainConfig(), read_file(saved), "saved") == TrainConfig("x")
+    assert merge_settings(TrainConfig(), read_file(saved), "saved") == TrainConfig("x")
 
 
 def test_reads_toml_and_json(tmp_path: Path) -> None:
@@ -178,7 +174,7 @@ def test_reads_toml_and_json(tmp_path: Path) -> None:
     toml.write_text("num_worlds = 3\n[ppo]\nhidden_sizes = [8, 8]\n")
     saved.write_text('{"num_worlds": 3, "ppo": {"hidden_sizes": [8, 8]}}')
     assert read_file(toml) == read_file(saved)
-    assert lay_over(TrainConfig(), read_file(toml), "file").ppo.hidden_sizes == (8, 8)
+    assert merge_settings(TrainConfig(), read_file(toml), "file").ppo.hidden_sizes == (8, 8)
 
 
 @pytest.mark.parametrize(
