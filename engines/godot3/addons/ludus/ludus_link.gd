@@ -98,7 +98,6 @@ func send(frame: PoolByteArray) -> bool:
 	return _stream.put_data(frame) == OK
 
 
-
 ## Reads one frame into [member type] and [member payload]. Returns false if the connection has
 ## ended or the frame is not allowed.
 func receive() -> bool:
