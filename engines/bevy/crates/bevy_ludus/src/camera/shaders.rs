@@ -1,6 +1,7 @@
 //! The shaders of a renderer: they are compiled when they are needed first, and until then what they
 //! draw is missing in pictures.
 
+use crate::error::print_error;
 use bevy_ecs::prelude::*;
 use bevy_render::render_resource::{
     CachedPipeline, CachedPipelineState, PipelineCache, PipelineDescriptor,
@@ -54,7 +55,6 @@ impl Shaders {
             .collect()
     }
 
-    #[allow(clippy::print_stderr)]
     fn give_up(&mut self, cache: &PipelineCache, unready: Vec<CachedPipelineId>) {
         let label = |pipeline: &CachedPipeline| match &pipeline.descriptor {
             PipelineDescriptor::RenderPipelineDescriptor(it) => it.label.clone(),
@@ -65,7 +65,7 @@ impl Shaders {
             .filter(|(id, _)| unready.contains(id))
             .filter_map(|(_, pipeline)| label(pipeline))
             .collect();
-        eprintln!("ludus: drawing without {}", labels.join(", "));
+        print_error(&format_args!("drawing without {}", labels.join(", ")), "");
         self.given_up.extend(unready);
     }
 }
