@@ -3,7 +3,7 @@
 use crate::client::{Client, step_path};
 use crate::game::{Counts, Game, Habits, make_app, run, settings};
 use bevy_app::prelude::*;
-use bevy_ludus::rest::{AIGymPlugin, AIGymSettings};
+use bevy_ludus_rest::{AIGymPlugin, AIGymSettings};
 use std::net::TcpListener;
 use std::time::{Duration, Instant};
 

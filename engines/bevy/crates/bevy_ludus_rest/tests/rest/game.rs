@@ -4,7 +4,7 @@ use crate::client::Client;
 use bevy_app::prelude::*;
 use bevy_app::{PluginsState, TaskPoolPlugin};
 use bevy_ecs::prelude::*;
-use bevy_ludus::rest::*;
+use bevy_ludus_rest::*;
 use bevy_state::prelude::*;
 use bevy_time::{Time, TimePlugin};
 use serde::Serialize;
@@ -131,7 +131,12 @@ impl Drop for Game {
 }
 
 /// Updates an app until it exits; calls back after the first update.
-pub fn run(mut app: App, began: impl FnOnce(&App)) -> AppExit {
+pub fn run(app: App, began: impl FnOnce(&App)) -> AppExit {
+    run_until(app, began, || false)
+}
+
+/// Updates an app until it exits, or until it is to end.
+pub fn run_until(mut app: App, began: impl FnOnce(&App), is_ending: impl Fn() -> bool) -> AppExit {
     while app.plugins_state() == PluginsState::Adding {
         std::thread::yield_now();
     }
@@ -140,10 +145,11 @@ pub fn run(mut app: App, began: impl FnOnce(&App)) -> AppExit {
     app.update();
     began(&app);
     loop {
-        if let Some(exit) = app.should_exit() {
-            return exit;
+        match app.should_exit() {
+            Some(exit) => return exit,
+            None if is_ending() => return AppExit::Success,
+            None => app.update(),
         }
-        app.update();
     }
 }
 

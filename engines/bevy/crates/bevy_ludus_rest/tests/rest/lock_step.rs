@@ -2,7 +2,7 @@
 
 use crate::client::Client;
 use crate::game::{Game, Habits, settings};
-use bevy_ludus::rest::AIGymSettings;
+use bevy_ludus_rest::AIGymSettings;
 use serde_json::Value;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -111,7 +111,7 @@ fn an_app_may_run_inside_an_asynchronous_runtime() {
     app.update();
     let address = app
         .world()
-        .resource::<bevy_ludus::rest::RestServer>()
+        .resource::<bevy_ludus_rest::RestServer>()
         .address();
     let client = std::thread::spawn(move || Client::connect(address).step(&["7", "0"]));
     let deadline = std::time::Instant::now() + Duration::from_secs(20);
