@@ -40,7 +40,7 @@ struct Beacon {
     colour: [u8; 3],
 }
 
-#[derive(Act)]
+#[derive(ActionSpace)]
 enum Turn {
     Left,
     Right,

@@ -13,7 +13,7 @@ use bevy_ecs::prelude::*;
 use bevy_light::LightPlugin;
 use bevy_ludus::camera::RenderingPlugins;
 use bevy_ludus::random::RandomStream;
-use bevy_ludus::rest::*;
+use bevy_ludus_rest::*;
 use bevy_pbr::PbrPlugin;
 use bevy_state::prelude::*;
 use serde::Serialize;
