@@ -4,6 +4,7 @@
 # make test-fast   the tests that start no engine, in about a minute
 # make test-bevy   everything in Rust, and the Python tests with Bevy games; needs Cargo
 # make lint        formatters, linters and the type checker of every language
+# make docs        the documentation site, in build/docs; make docs-serve shows it in a browser
 # make bench       the table of docs/benchmarks.md
 # CONTRIBUTING.md says which of them is for what.
 
@@ -32,7 +33,7 @@ ifneq ($(RUSTUP),)
 export RUSTUP_HOME ?= $(RUSTUP)
 endif
 
-.PHONY: setup demo test test-fast test-bevy lint lint-scripts lint-rust renderers cargo bevy-test bevy-examples bench clean
+.PHONY: setup demo test test-fast test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples bench clean
 .DELETE_ON_ERROR:
 
 setup: .venv/.ready
@@ -115,6 +116,18 @@ bevy-examples: cargo
 	cd $(BEVY_PROJECT) && for example in beacon "cartpole --features view" "shooter --features view" "shooter --features pixels" \
 		rest_tiles cartpole shooter rest_cartpole; \
 		do cargo build --release --locked --package $$example --example $${example%% *} || exit 1; done
+
+.venv/.docs-ready: pyproject.toml .venv/.ready
+	$(UV_ENVIRONMENT) $(BIN)/uv pip install --quiet --python $(BIN)/python --editable '.[docs]'
+	@touch $@
+
+# Warnings, links and anchors that lead nowhere among them, are errors.
+docs: setup .venv/.docs-ready
+	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet --builder html docs build/docs
+	@echo "build/docs/index.html"
+
+docs-serve: docs
+	$(BIN)/python -m http.server --bind 127.0.0.1 --directory build/docs 8000
 
 bench: setup
 	$(BIN)/python benchmarks/godot4.py

@@ -132,7 +132,6 @@ def main(settings: Settings) -> None:
 def write_project(folder: Path, engine: EngineKind) -> None:
     """Write a project with two scenes, ``eye_3d`` and ``eye_2d``."""
     (folder / "project.godot").write_text(PROJECTS[engine])
-    install_addon(folder)
     for kind, nodes in (("3d", NODES_3D), ("2d", NODES_2D)):
         spatial = "Node3D" if engine is EngineKind.GODOT4 else "Spatial"
         words = {**WORDS[engine], "kind": kind, "root": spatial if kind == "3d" else "Node2D"}
@@ -144,6 +143,8 @@ def write_project(folder: Path, engine: EngineKind) -> None:
         (folder / f"eye_{kind}.tscn").write_text(scene)
         script = SCRIPT.format(root=words["root"], y="_y" if kind == "3d" else "")
         (folder / f"eye_{kind}.gd").write_text(script)
+    # Godot 4 has the scripts in folders of the add-on; installing it rewrites the scenes.
+    install_addon(folder)
 
 
 def images_per_s(folder: Path, kind: str, layout: str, settings: Settings) -> float:

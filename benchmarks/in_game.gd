@@ -5,6 +5,9 @@ extends SceneTree
 ## choice of actions, and of everything, with the reading of observations and the handing out of
 ## actions.
 
+const LudusPolicyActions := preload("res://addons/ludus/policy/policy_actions.gd")
+const LudusPolicyReader := preload("res://addons/ludus/policy/policy_reader.gd")
+
 const ROUND_US := 2000
 
 

@@ -25,6 +25,9 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Collection
+
 __all__ = [
     "ActionError",
     "CheckpointError",
@@ -45,7 +48,14 @@ __all__ = [
     "SetupError",
     "TargetError",
     "UsageError",
+    "did_you_mean",
 ]
+
+
+def did_you_mean(name: str, known: Collection[str], heading: str) -> str:
+    """Return a hint about an unknown name: the known one most like it, or else all of them."""
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    return f"did you mean {close[0]}?" if close else f"{heading}: {', '.join(known)}"
 
 
 class LudusError(Exception):

@@ -7,8 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from ludus import addon
-from ludus.addon import MANIFEST_NAME, addon_status, install_addon
+from ludus.addon import (
+    MANIFEST_NAME,
+    AddonChange,
+    AddonStatus,
+    addon_status,
+    install,
+    install_addon,
+)
 from ludus.engine import EngineKind
 from ludus.errors import ConfigError, SetupError, TargetError
 
@@ -41,8 +47,8 @@ def source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     def bundled_root(_kind: EngineKind) -> Path:
         return tmp_path / "bundled"
 
-    monkeypatch.setattr(addon, "bundled_root", bundled_root)
-    monkeypatch.setattr(addon, "package_version", lambda: "1")
+    monkeypatch.setattr(install, "bundled_root", bundled_root)
+    monkeypatch.setattr(install, "package_version", lambda: "1")
     return folder
 
 
@@ -55,7 +61,7 @@ def project(tmp_path: Path) -> Path:
 
 
 def make_version_2(source: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(addon, "package_version", lambda: "2")
+    monkeypatch.setattr(install, "package_version", lambda: "2")
     (source / "agent.gd").write_text("extends Node2D\n")
     (source / "old.gd").unlink()
     (source / "new.gd").write_text("extends Node\n")
@@ -82,7 +88,7 @@ def test_fresh_installation(source: Path, project: Path) -> None:
     assert set(manifest["files"]) == set(change.added)
     assert [entry.name for entry in (project / "addons").iterdir()] == ["ludus"]
     status = addon_status(project)
-    assert status == addon.AddonStatus("1", True, True, True, ())
+    assert status == AddonStatus("1", True, True, True, ())
 
 
 def test_plugin_is_switched_on_and_the_rest_stays(source: Path, project: Path) -> None:
@@ -92,7 +98,7 @@ def test_plugin_is_switched_on_and_the_rest_stays(source: Path, project: Path) -
     switched_on = PROJECT_TEXT.replace(
         'other/plugin.cfg"', 'other/plugin.cfg", "res://addons/ludus/plugin.cfg"'
     )
-    autoload = 'Ludus="*res://addons/ludus/ludus_bridge.gd"'
+    autoload = 'Ludus="*res://addons/ludus/bridge/ludus_bridge.gd"'
     assert text.rstrip("\n") == f"{switched_on.rstrip()}\n\n[autoload]\n\n{autoload}"
     assert (project / "project.godot").stat().st_mode & 0o777 == 0o600
     assert sorted(entry.name for entry in project.iterdir()) == ["addons", "project.godot"]
@@ -110,7 +116,7 @@ def test_repeating_changes_nothing(source: Path, project: Path) -> None:
     install_addon(project)
     before = {file: file.stat().st_mtime_ns for file in project.rglob("*")}
     change = install_addon(project)
-    assert change == addon.AddonChange("1", "1")
+    assert change == AddonChange("1", "1")
     assert {file: file.stat().st_mtime_ns for file in project.rglob("*")} == before
 
 
@@ -119,7 +125,7 @@ def test_upgrade(source: Path, project: Path, monkeypatch: pytest.MonkeyPatch) -
     make_version_2(source, monkeypatch)
     assert not addon_status(project).is_current
     change = install_addon(project)
-    assert change == addon.AddonChange("1", "2", ("new.gd",), ("agent.gd",), ("old.gd",))
+    assert change == AddonChange("1", "2", ("new.gd",), ("agent.gd",), ("old.gd",))
     installed = tree(project / "addons" / "ludus")
     assert set(installed) == {"agent.gd", "icons/agent.svg", "new.gd", "plugin.cfg", MANIFEST_NAME}
     assert installed["agent.gd"] == b"extends Node2D\n"
@@ -224,7 +230,7 @@ def test_disk_full_while_copying_leaves_the_old_version(
     def fail(_source: Path, _target: Path) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(addon, "_copy_file", fail)
+    monkeypatch.setattr(install, "_copy_file", fail)
     with pytest.raises(SetupError):
         install_addon(project)
     assert tree(project) == before

@@ -180,10 +180,10 @@ _SCENE = """\
 [gd_scene format=3]
 
 [ext_resource type="Script" path="res://{name}.gd" id="1"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_agent.gd" id="2"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_action_component.gd" id="3"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_world.gd" id="4"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_observation_entry.gd" id="5"]
+[ext_resource type="Script" path="res://addons/ludus/agent/ludus_agent.gd" id="2"]
+[ext_resource type="Script" path="res://addons/ludus/agent/ludus_action_component.gd" id="3"]
+[ext_resource type="Script" path="res://addons/ludus/world/ludus_world.gd" id="4"]
+[ext_resource type="Script" path="res://addons/ludus/agent/ludus_observation_entry.gd" id="5"]
 
 [sub_resource type="Resource" id="push"]
 script = ExtResource("3")

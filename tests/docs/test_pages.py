@@ -19,6 +19,8 @@ PAGES = [
     ROOT / "CHANGELOG.md",
     ROOT / "CONTRIBUTING.md",
     *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs").glob("start/*.md")),
+    *sorted((ROOT / "docs").glob("reference/*.md")),
 ]
 
 

@@ -28,8 +28,8 @@ SCENE = """\
 [gd_scene load_steps=4 format=3]
 
 [ext_resource type="Script" path="res://player.gd" id="1"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_agent.gd" id="2"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_action_component.gd" id="3"]
+[ext_resource type="Script" path="res://addons/ludus/agent/ludus_agent.gd" id="2"]
+[ext_resource type="Script" path="res://addons/ludus/agent/ludus_action_component.gd" id="3"]
 
 [sub_resource type="Resource" id="action"]
 script = ExtResource("3")

@@ -13,7 +13,14 @@ from pathlib import Path
 import pytest
 
 from ludus.engine import affinity
-from ludus.engine.affinity import CorePlan, allowed_cores, plan_cores, reserve_cores
+from ludus.engine.affinity import (
+    CorePlan,
+    allowed_cores,
+    cpu_quota,
+    num_cores,
+    plan_cores,
+    reserve_cores,
+)
 
 
 @pytest.mark.parametrize(
@@ -21,7 +28,7 @@ from ludus.engine.affinity import CorePlan, allowed_cores, plan_cores, reserve_c
     [
         (1, (0, 1), [(0,)], (1,)),
         (2, (0, 1), [(0,), (1,)], (0, 1)),
-        (3, (4, 6), [(4,), (6,), (4,)], (4, 6)),
+        (3, (4, 6), [None, None, None], None),
         (3, (0, 2, 4, 6, 8), [(0,), (2,), (4,)], (6, 8)),
         (1, (5,), [(5,)], (5,)),
         (0, (0, 1), [], (0, 1)),
@@ -30,8 +37,8 @@ from ludus.engine.affinity import CorePlan, allowed_cores, plan_cores, reserve_c
 def test_cores_are_divided(
     num_engines: int,
     allowed: tuple[int, ...],
-    engines: list[tuple[int, ...]],
-    learner: tuple[int, ...],
+    engines: list[tuple[int, ...] | None],
+    learner: tuple[int, ...] | None,
 ) -> None:
     assert plan_cores(num_engines, allowed) == CorePlan(tuple(engines), learner)
 
@@ -53,7 +60,7 @@ import sys
 from ludus.engine import affinity
 affinity.allowed_cores = lambda: (4, 6)
 cores = affinity.reserve_cores(int(sys.argv[1]))
-print([core for core, in cores.plan.engines], flush=True)
+print([pinned[0] for pinned in cores.plan.engines if pinned], flush=True)
 sys.stdin.readline()
 cores.close()
 print("closed", flush=True)
@@ -103,13 +110,13 @@ def test_processes_take_different_cores(hold: Callable[[int], subprocess.Popen[s
     first, second = hold(1), hold(1)
     assert sorted([read(first), read(second)]) == ["[4]", "[6]"]
     third = hold(2)
-    assert read(third) == "[4, 6]"  # all are taken: shared as ever
+    assert read(third) == "[]"  # all are taken: nothing is pinned
     go_on(second)
     assert read(second) == "closed"
     first.kill()
     first.wait()
-    with reserve_cores(3) as cores:
-        assert cores.plan == CorePlan(((4,), (6,), (4,)), (4, 6))
+    with reserve_cores(2) as cores:
+        assert cores.plan == CorePlan(((4,), (6,)), (4, 6))
 
 
 @pytest.mark.usefixtures("two_cores")
@@ -120,8 +127,8 @@ def test_pools_of_one_process_take_different_cores() -> None:
         assert second.plan == CorePlan(((6,),), (4, 6))
         second.close()
         second.close()
-        with reserve_cores(2) as third:  # a free core first, then one that is shared
-            assert third.plan.engines == ((6,), (4,))
+        with reserve_cores(2) as third:  # one core is free, which is too few
+            assert third.plan == CorePlan((None, None), None)
     assert reserve_cores(1).plan.engines == ((4,),)
 
 
@@ -149,6 +156,37 @@ def test_a_lock_file_that_cannot_be_opened(two_cores: Path) -> None:
     with reserve_cores(2) as first, reserve_cores(1) as second:
         assert first.plan.engines == ((4,), (6,))
         assert second.plan.engines == ((4,),)  # nothing is left locked
+
+
+@pytest.mark.parametrize(
+    ("groups", "files", "quota"),
+    [
+        ("0::/a/b\n", {"a/b/cpu.max": "max 100000", "a/cpu.max": "150000 100000"}, 1.5),
+        ("0::/host/path\n", {"cpu.max": "50000 100000"}, 0.5),  # in a container
+        ("3:cpu,cpuacct:/c\n0::/\n", {
+            "cpu,cpuacct/c/cpu.cfs_quota_us": "200000",
+            "cpu,cpuacct/c/cpu.cfs_period_us": "100000",
+        }, 2.0),
+        ("3:cpu:/c\n", {"cpu/c/cpu.cfs_quota_us": "-1", "cpu/c/cpu.cfs_period_us": "100000"}, None),
+        ("0::/\n", {}, None),
+    ],
+)  # fmt: skip
+def test_the_smallest_quota_of_all_control_groups_counts(
+    tmp_path: Path, groups: str, files: dict[str, str], quota: float | None
+) -> None:
+    mount = {f"sys/fs/cgroup/{name}": text for name, text in files.items()}
+    for name, text in {"proc/self/cgroup": groups, **mount}.items():
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    assert cpu_quota(tmp_path) == quota
+
+
+@pytest.mark.usefixtures("two_cores")
+def test_under_a_quota_nothing_is_pinned(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(affinity, "cpu_quota", lambda: 1.5)
+    assert num_cores() == 1.5
+    assert reserve_cores(1).plan == CorePlan((None,), None)
 
 
 @pytest.mark.usefixtures("two_cores")

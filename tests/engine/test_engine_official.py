@@ -20,12 +20,11 @@ from ludus.engine.install import install_engine, install_template
 from ludus.engine.installing import InstallerUnavailable
 from ludus.engine.kinds import EngineKind
 from ludus.engine.official import (
-    ENGINES,
-    TEMPLATES,
     Archive,
     OfficialInstaller,
     official_engine,
     official_template,
+    read_releases,
 )
 from ludus.engine.template import matching_template
 from ludus.errors import SetupError
@@ -149,7 +148,7 @@ ENGINE = InstalledEngine(EngineKind.GODOT4, Path("/godot"), (4, 6, 3), "4.6.3.st
 
 def template_installer_from(server: Server, body: bytes) -> OfficialInstaller:
     server.body = body
-    (archive,) = TEMPLATES["linux-x86_64"]
+    (archive,) = read_releases("template")[EngineKind.GODOT4, "linux-x86_64"]
     archive = replace(archive, file_name="t.tpz", sha512=hashlib.sha512(body).hexdigest())
     base_url = f"http://127.0.0.1:{server.server_port}"
     return OfficialInstaller((archive,), "4.6.3.stable", base_url)
@@ -191,14 +190,15 @@ def test_templates_for_unknown_platforms_are_a_reason_to_go_on(
 
 
 def test_table_of_archives_is_well_formed() -> None:
-    archives = [archive for entry in ENGINES.values() for archive in entry]
-    assert {kind for kind, _ in ENGINES} == set(EngineKind)
+    engines = read_releases("engine")
+    archives = [archive for entry in engines.values() for archive in entry]
+    assert {kind for kind, _ in engines} == set(EngineKind)
     assert len({archive.sha512 for archive in archives}) == len(archives)
     assert len({archive.file_name for archive in archives}) == len(archives)
     for archive in archives:
         assert len(bytes.fromhex(archive.sha512)) == 64
         assert archive.file_name.startswith(f"Godot_v{archive.tag}_")
-    for platform, (archive,) in TEMPLATES.items():
+    for (_, platform), (archive,) in read_releases("template").items():
         assert len(bytes.fromhex(archive.sha512)) == 64
         assert archive.file_name == f"Godot_v{archive.tag}_export_templates.tpz"
         assert archive.executable.endswith(platform.removeprefix("linux-"))

@@ -208,7 +208,7 @@ def no_engine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("no_engine")
 def test_without_godot_games_files_are_not_tested_halfway(run: Path) -> None:
-    with pytest.raises(EngineNotFound, match="cannot be tested in Godot") as error:
+    with pytest.raises(EngineNotFound, match="cannot be tested: no Godot") as error:
         export_policies(ExportConfig(run=run))
     assert "ludus engine install godot4" in error.value.hint
     assert "--no-parity" in error.value.hint

@@ -13,7 +13,7 @@ from ludus.algorithms.learner import LearnerState
 from ludus.networks.policy import Policy
 from ludus.runs.checkpoint import Checkpoint
 from ludus.runs.run_folder import RunFolder
-from ludus.settings.merging import to_plain
+from ludus.settings.plain import to_plain
 from ludus.settings.train_config import PolicyConfig, PPOConfig, TrainConfig
 from ludus.spec import (
     AgentSpec,

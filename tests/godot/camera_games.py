@@ -202,9 +202,10 @@ def _translated(text: str, words: dict[str, str], engine: str) -> str:
 def make_project(folder: Path, engine: str) -> Path:
     """Write the project for ``godot3`` or ``godot4``."""
     (folder / "project.godot").write_text(PROJECTS[engine])
-    install_addon(folder)
     for name, text in {"box_3d": BOX_3D, "box_2d": BOX_2D}.items():
         (folder / f"{name}.gd").write_text(_translated(text, _GODOT4_SCRIPT, engine))
     for name, text in SCENES.items():
         (folder / f"{name}.tscn").write_text(_translated(text, _GODOT4_SCENE, engine))
+    # Godot 4 has the scripts in folders of the add-on; installing it rewrites the scenes.
+    install_addon(folder)
     return folder.resolve()

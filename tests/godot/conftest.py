@@ -75,8 +75,8 @@ SCRIPTS = {
 HEAD = """\
 [gd_scene format=3]
 [ext_resource type="Script" path="res://{script}.gd" id="1"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_agent.gd" id="2"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_action_component.gd" id="3"]
+[ext_resource type="Script" path="res://addons/ludus/agent/ludus_agent.gd" id="2"]
+[ext_resource type="Script" path="res://addons/ludus/agent/ludus_action_component.gd" id="3"]
 [sub_resource type="Resource" id="a"]
 script = ExtResource("3")
 [node name="Root" type="Node"]

@@ -28,7 +28,7 @@ file_logging/enable_file_logging.pc=false
 
 SCENE = """\
 [gd_scene format=3]
-[ext_resource type="Script" path="res://addons/ludus/ludus_simulation_host.gd" id="1"]
+[ext_resource type="Script" path="res://addons/ludus/simulation/ludus_simulation_host.gd" id="1"]
 {script}
 [node name="Game" type="Node2D"]
 script = ExtResource("1")

@@ -68,7 +68,8 @@ def linear_policy(spec: PolicySpec, push_right: list[float]) -> PolicyModel:
     )
 
 
-POLICY = """[ext_resource type="Script" path="res://addons/ludus/ludus_policy.gd" id="policy"]
+POLICY = """\
+[ext_resource type="Script" path="res://addons/ludus/policy/ludus_policy.gd" id="policy"]
 [ext_resource type="JSON" path="res://balance.ludus.json" id="model"]
 
 [sub_resource type="Resource" id="balance"]
@@ -80,7 +81,7 @@ model = ExtResource("model")
 
 TRAINING = """[gd_scene format=3]
 
-[ext_resource type="Script" path="res://addons/ludus/ludus_training.gd" id="1"]
+[ext_resource type="Script" path="res://addons/ludus/training/ludus_training.gd" id="1"]
 
 [node name="Training" type="Node"]
 script = ExtResource("1")

@@ -45,9 +45,9 @@ func reset() -> void:
 HEAD = f"""\
 [gd_scene format=3]
 [ext_resource type="Script" path="res://fighter.gd" id="1"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_agent.gd" id="2"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_action_component.gd" id="3"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_world.gd" id="4"]
+[ext_resource type="Script" path="res://addons/ludus/agent/ludus_agent.gd" id="2"]
+[ext_resource type="Script" path="res://addons/ludus/agent/ludus_action_component.gd" id="3"]
+[ext_resource type="Script" path="res://addons/ludus/world/ludus_world.gd" id="4"]
 [sub_resource type="Resource" id="a"]
 script = ExtResource("3")
 name = "choice"

@@ -37,7 +37,7 @@ run/main_scene="res://pole.tscn"
 
 [autoload]
 
-Ludus="*res://addons/ludus/ludus_bridge.gd"
+Ludus="*res://addons/ludus/bridge/ludus_bridge.gd"
 
 [debug]
 
@@ -73,9 +73,9 @@ SCENE = """\
 [gd_scene format=3]
 
 [ext_resource type="Script" path="res://pole.gd" id="1"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_agent.gd" id="2"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_action_component.gd" id="3"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_policy.gd" id="4"]
+[ext_resource type="Script" path="res://addons/ludus/agent/ludus_agent.gd" id="2"]
+[ext_resource type="Script" path="res://addons/ludus/agent/ludus_action_component.gd" id="3"]
+[ext_resource type="Script" path="res://addons/ludus/policy/ludus_policy.gd" id="4"]
 [ext_resource type="JSON" path="res://pole.ludus.json" id="5"]
 
 [sub_resource type="Resource" id="action"]

@@ -114,8 +114,8 @@ SCENES = {
     "godot4": """\
 [gd_scene format=3]
 [ext_resource path="res://ticks.gd" type="Script" id="1"]
-[ext_resource path="res://addons/ludus/ludus_agent.gd" type="Script" id="2"]
-[ext_resource path="res://addons/ludus/ludus_action_component.gd" type="Script" id="3"]
+[ext_resource path="res://addons/ludus/agent/ludus_agent.gd" type="Script" id="2"]
+[ext_resource path="res://addons/ludus/agent/ludus_action_component.gd" type="Script" id="3"]
 [sub_resource type="Resource" id="1"]
 script = ExtResource("3")
 [node name="Ticks" type="Node2D"]

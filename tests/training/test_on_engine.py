@@ -57,9 +57,9 @@ func reset() -> void:
 SCENE = """\
 [gd_scene format=3]
 [ext_resource type="Script" path="res://pennies.gd" id="1"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_world.gd" id="2"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_action_component.gd" id="3"]
-[ext_resource type="Script" path="res://addons/ludus/ludus_policy_settings.gd" id="4"]
+[ext_resource type="Script" path="res://addons/ludus/world/ludus_world.gd" id="2"]
+[ext_resource type="Script" path="res://addons/ludus/agent/ludus_action_component.gd" id="3"]
+[ext_resource type="Script" path="res://addons/ludus/training/ludus_policy_settings.gd" id="4"]
 [sub_resource type="Resource" id="choice"]
 script = ExtResource("3")
 name = "say"
@@ -182,7 +182,7 @@ def test_the_scene_chooses_algorithm_and_network(pennies: Any) -> None:
     [
         ('more = {"learning_rat": 1}', r"policy odd \(scene\): unknown setting learning_rat"),
         ("hidden_sizes = PackedInt32Array(-1)", r"policy odd \(scene\): hidden_sizes must be"),
-        ('algorithm = 2\nmore = {"clip_range": 0.1}', "clip_range is no setting of sac"),
+        ('algorithm = 2\nmore = {"clip_range": 0.1}', "has no setting clip_range"),
     ],
 )
 def test_settings_that_do_not_fit_name_policy_and_setting(

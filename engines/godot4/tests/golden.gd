@@ -1,6 +1,8 @@
 extends RefCounted
 ## One golden frame of [code]protocol/golden[/code] (see its README).
 
+const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
+
 ## File name without suffix.
 var name: String
 ## Frame type (PROTOCOL.md §1).

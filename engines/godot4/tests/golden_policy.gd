@@ -1,6 +1,8 @@
 extends RefCounted
 ## One golden policy of [code]protocol/golden/policies[/code] with its cases (POLICY.md §6).
 
+const LudusPolicyReader := preload("res://addons/ludus/policy/policy_reader.gd")
+
 ## File name without suffix.
 var name: String
 ## The policy.

@@ -1,6 +1,9 @@
 extends "ludus_test.gd"
 ## Cameras of agents, in an engine that cannot draw.
 
+const LudusCameraView := preload("res://addons/ludus/cameras/camera_view.gd")
+const LudusCameras := preload("res://addons/ludus/cameras/cameras.gd")
+
 
 func test_without_a_renderer_pictures_are_black() -> void:
 	for camera: Variant in [LudusCamera3D.new(), LudusCamera2D.new()]:

@@ -1,6 +1,8 @@
 extends "ludus_test.gd"
 ## The rules of the example "find_coin".
 
+const LudusManualPlay := preload("res://addons/ludus/bridge/manual_play.gd")
+
 const FindCoin := preload("res://examples/find_coin/find_coin.gd")
 const Map := preload("res://examples/shared/walled_map.gd")
 const Walker := preload("res://examples/shared/walker.gd")

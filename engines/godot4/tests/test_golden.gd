@@ -1,6 +1,9 @@
 extends "ludus_test.gd"
 ## GDScript reads and writes every golden frame.
 
+const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
+const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
+
 const Golden := preload("golden.gd")
 const StubAgent := preload("stub_agent.gd")
 

@@ -1,6 +1,8 @@
 extends "ludus_test.gd"
 ## The rules of the example "key_door": moves, mask, key, doors, and play by hand.
 
+const LudusManualPlay := preload("res://addons/ludus/bridge/manual_play.gd")
+
 const KeyDoor := preload("res://examples/key_door/key_door.gd")
 const Plan := preload("res://examples/key_door/plan.gd")
 const SCENE := preload("res://examples/key_door/key_door.tscn")

@@ -1,6 +1,9 @@
 extends "ludus_test.gd"
 ## From what a network puts out to actions.
 
+const LudusPolicyActions := preload("res://addons/ludus/policy/policy_actions.gd")
+const LudusPolicyReader := preload("res://addons/ludus/policy/policy_reader.gd")
+
 const NUM_DRAWS := 20000
 
 var _rng := RandomNumberGenerator.new()

@@ -1,6 +1,8 @@
 extends "ludus_test.gd"
 ## Outcomes of steps, and mistakes of the game with their place.
 
+const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
+
 const StubAgent := preload("stub_agent.gd")
 
 

@@ -1,6 +1,8 @@
 extends "ludus_test.gd"
 ## What is wrong with a policy file is said, with its place.
 
+const LudusPolicyReader := preload("res://addons/ludus/policy/policy_reader.gd")
+
 const NAN_DATA := "AADAfw=="
 
 

@@ -1,6 +1,8 @@
 extends "ludus_test.gd"
 ## GDScript computes what the golden policies say.
 
+const LudusPolicyActions := preload("res://addons/ludus/policy/policy_actions.gd")
+
 const GoldenPolicy := preload("golden_policy.gd")
 
 const TOLERANCE := 1e-5

@@ -1,6 +1,9 @@
 extends "policy_test.gd"
 ## Which agents a policy plays: they come and go, and some it does not fit.
 
+const LudusManualPlay := preload("res://addons/ludus/bridge/manual_play.gd")
+const LudusPolicyGroup := preload("res://addons/ludus/policy/policy_group.gd")
+
 
 func test_agents_with_one_policy_are_computed_together() -> void:
 	var golden := _golden("perceptron_relu")

@@ -1,6 +1,11 @@
 extends "ludus_test.gd"
 ## What the game asks of its trainer, and hears from it (PROTOCOL.md §8).
 
+const LudusCall := preload("res://addons/ludus/bridge/call.gd")
+const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
+const LudusTrainingStatus := preload("res://addons/ludus/training/training_status.gd")
+const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
+
 const Golden := preload("golden.gd")
 const TRAIN := LudusBridge.PolicyMode.TRAIN
 const FROZEN := LudusBridge.PolicyMode.FROZEN

@@ -1,6 +1,12 @@
 extends "policy_test.gd"
 ## Games in code: what their host makes of them, and when they are told what.
 
+const LudusManualPlay := preload("res://addons/ludus/bridge/manual_play.gd")
+const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
+const LudusSimulationAgent := preload("res://addons/ludus/simulation/simulation_agent.gd")
+const LudusSimulationBatch := preload("res://addons/ludus/simulation/simulation_batch.gd")
+const LudusSimulationSeat := preload("res://addons/ludus/simulation/simulation_seat.gd")
+
 const StubSimulation := preload("stub_simulation.gd")
 const HERO := 0
 const TARGET := 1

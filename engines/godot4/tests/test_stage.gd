@@ -1,6 +1,8 @@
 extends "ludus_test.gd"
 ## Where copies of a scene are put.
 
+const LudusStage := preload("res://addons/ludus/world/stage.gd")
+
 
 func test_a_grid_in_three_dimensions() -> void:
 	for num_worlds: int in [1, 2, 4, 9, 10, 27]:

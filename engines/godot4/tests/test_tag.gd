@@ -1,6 +1,8 @@
 extends "ludus_test.gd"
 ## The rules of the example "tag": its rounds, how bodies move, and play by hand.
 
+const LudusManualPlay := preload("res://addons/ludus/bridge/manual_play.gd")
+
 const Arena := preload("res://examples/tag/arena.gd")
 const Body := preload("res://examples/tag/body.gd")
 const Chaser := preload("res://examples/tag/chaser.gd")

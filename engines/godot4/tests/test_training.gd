@@ -1,6 +1,12 @@
 extends "ludus_test.gd"
 ## A game that guides its own training: the node, its keys and overlay, how fast time passes.
 
+const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
+const LudusStage := preload("res://addons/ludus/world/stage.gd")
+const LudusTrainerProcess := preload("res://addons/ludus/training/trainer_process.gd")
+const LudusTrainingKeys := preload("res://addons/ludus/training/training_keys.gd")
+const LudusTrainingOverlay := preload("res://addons/ludus/training/training_overlay.gd")
+
 const ACTION := &"ludus_start"
 
 

@@ -1,6 +1,8 @@
 extends "ludus_test.gd"
 ## Payloads that are not allowed, limits and padding.
 
+const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
+
 const SEEDS: PackedInt64Array = [1, 2]
 const ACTIONS: PackedByteArray = [2, 0]
 

@@ -1,6 +1,8 @@
 extends "ludus_test.gd"
 ## The rules of the example "zombies".
 
+const LudusManualPlay := preload("res://addons/ludus/bridge/manual_play.gd")
+
 const Fighter := preload("res://examples/zombies/fighter.gd")
 const Map := preload("res://examples/shared/walled_map.gd")
 const Soldier := preload("res://examples/zombies/soldier.gd")

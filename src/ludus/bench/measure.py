@@ -38,7 +38,6 @@ class BenchConfig(GameConfig):
 
     Attributes:
         target: A bundled example, a project folder, a scene, or an exported game.
-        is_pinned: Give each engine a core of its own.
         seconds: Length of each part of a round.
         rounds: How often bridged play and ceiling alternate.
         seed: Seed of worlds and random actions.
@@ -46,7 +45,6 @@ class BenchConfig(GameConfig):
 
     target: str
     num_worlds: int = setting(64, AT_LEAST_1)
-    is_pinned: bool = True
     seconds: float = setting(2.0, ABOVE_0)
     rounds: int = setting(5, AT_LEAST_1)
     seed: int = setting(0, AT_LEAST_0)

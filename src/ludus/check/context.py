@@ -74,11 +74,13 @@ class CheckContext:
     def recording(self) -> Recording:
         """Random play in a fresh engine."""
         with self.main_pool() as pool:
-            self.engine_version = _engine_version(pool)
+            session = pool.sessions[0]
+            if isinstance(session, EngineSession):
+                self.engine_version = session.hello.engine
             return record(pool, self.config.seed, self.config.num_steps)
 
-    engine_version: str = ""
-    """Name and version of the engine, known once there is a recording."""
+    engine_version: str = "unknown"
+    """Name and version of the engine, once there is a recording; other sessions have none."""
 
     @contextlib.contextmanager
     def main_pool(self) -> Generator[EnginePool]:
@@ -133,8 +135,3 @@ class CheckContext:
         traceback: TracebackType | None,
     ) -> None:
         self.close()
-
-
-def _engine_version(pool: EnginePool) -> str:
-    session = pool.sessions[0]
-    return session.hello.engine if isinstance(session, EngineSession) else "unknown"

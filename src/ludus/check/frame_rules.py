@@ -70,9 +70,6 @@ def apply_rule(recording: Recording, title: str, rule: Rule, hint: str) -> Findi
             if len(broken):
                 slot = int(broken[0])
                 agent = policy.agents[slot]
-                detail = (
-                    f"broken at step {step} by policy {policy.name}, world {agent.world}, "
-                    f"agent {agent.path or '(joined later)'}"
-                )
+                detail = f"broken at step {step} by policy {policy.name}, {agent}"
                 return fail(title, detail, hint, step=step, policy=policy.name, slot=slot)
     return ok(title, f"in all {recording.num_steps} steps")

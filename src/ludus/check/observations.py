@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from itertools import pairwise
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,8 @@ from ludus.check.context import CheckContext
 from ludus.check.finding import Finding, fail, info, ok, warn
 from ludus.check.recording import Recording
 from ludus.spec import ObservationEntry, PolicySpec
-from ludus.spec.batch import Batch
 
 __all__ = ["check_observations"]
-
-Flags = Callable[[Batch], NDArray[np.bool_]]
 
 LARGE = 10.0
 LARGE_QUANTILE = 0.99
@@ -116,7 +113,7 @@ def _reward(recording: Recording, policy: PolicySpec) -> Finding:
     if low != high:
         mean = float(rewards.mean())
         return ok(name, f"{low:.4g} to {high:.4g}, mean {mean:.4g}", min=low, max=high, mean=mean)
-    if _count(recording, policy, lambda batch: batch.terminated):
+    if _count(recording, policy, "terminated"):
         detail = f"always {low:.4g}: only the length of an episode matters"
         return ok(name, detail, min=low, max=high, mean=low)
     return warn(
@@ -128,8 +125,8 @@ def _reward(recording: Recording, policy: PolicySpec) -> Finding:
 
 def _ends(recording: Recording, policy: PolicySpec) -> Finding:
     title = f"{policy.name}: episodes end"
-    num_terminated = _count(recording, policy, lambda batch: batch.terminated)
-    num_truncated = _count(recording, policy, lambda batch: batch.truncated)
+    num_terminated = _count(recording, policy, "terminated")
+    num_truncated = _count(recording, policy, "truncated")
     counts = {"num_terminated": num_terminated, "num_truncated": num_truncated}
     if num_terminated + num_truncated:
         return ok(title, f"{num_terminated} terminated, {num_truncated} truncated", **counts)
@@ -149,8 +146,10 @@ def _ends(recording: Recording, policy: PolicySpec) -> Finding:
     )
 
 
-def _count(recording: Recording, policy: PolicySpec, flags: Flags) -> int:
-    return sum(int(flags(frame.batches[policy.name]).sum()) for frame in recording.frames)
+def _count(
+    recording: Recording, policy: PolicySpec, flag: Literal["terminated", "truncated"]
+) -> int:
+    return sum(int(getattr(frame.batches[policy.name], flag).sum()) for frame in recording.frames)
 
 
 def ranges(indices: Iterable[int]) -> str:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from ludus.play.players import random_player
 from ludus.pool import EnginePool
 from ludus.spec import Spec
-from ludus.spec.batch import Batch
+from ludus.spec.batch import Batch, Batches
 
-__all__ = ["Frame", "Recording", "record"]
+__all__ = ["Frame", "Recording", "named_arrays", "play", "record"]
 
 MAX_RECORDING_BYTES = 256 * 1024 * 1024
 
@@ -114,14 +114,27 @@ def record(
         action_seed: Like ``seed``, for the actions; None: ``seed``.
     """
     batches = pool.reset(seed)
-    frames = [Frame(pool.times(0).tick, batches)]
     arrays = [array for batch in batches.values() for _, array in named_arrays(batch)]
     num_steps = max(1, min(num_steps, MAX_RECORDING_BYTES // sum(array.nbytes for array in arrays)))
-    act = random_player(pool, seed if action_seed is None else action_seed)
+    frames = play(pool, batches, num_steps, seed if action_seed is None else action_seed)
+    return Recording(pool.spec, seed, frames)
+
+
+def play(pool: EnginePool, batches: Batches, num_steps: int, seed: int) -> tuple[Frame, ...]:
+    """Take random actions; return a frame of ``batches``, and one for each step.
+
+    Args:
+        pool: One engine.
+        batches: What it answered last.
+        num_steps: Steps to play.
+        seed: World *i* draws its actions from a stream seeded with ``seed + i``.
+    """
+    act = random_player(pool, seed)
+    frames = [Frame(pool.times(0).tick, batches)]
     for _ in range(num_steps):
         batches = pool.step(act(batches))
         frames.append(Frame(pool.times(0).tick, batches))
-    return Recording(pool.spec, seed, tuple(frames))
+    return tuple(frames)
 
 
 def named_arrays(batch: Batch) -> Iterator[tuple[str, NDArray[Any]]]:

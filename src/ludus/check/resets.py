@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from ludus.check.context import CheckContext
 from ludus.check.finding import Finding, fail, info, ok, warn
 from ludus.check.numbers import Largest, largest_difference, scales
-from ludus.check.recording import Frame, Recording
-from ludus.play.players import random_player
+from ludus.check.recording import Recording, play
 from ludus.pool import EnginePool
 
 __all__ = ["check_resets"]
@@ -33,17 +32,9 @@ def check_resets(context: CheckContext) -> list[Finding]:
 
 def _second_episode(pool: EnginePool, seed: int, num_played: int) -> Recording:
     """Record the start of the second episode, after ``num_played`` steps of the first."""
-    batches = pool.reset(seed)
-    act = random_player(pool, seed)
-    for _ in range(num_played):
-        batches = pool.step(act(batches))
-    batches = pool.reset(None)
-    frames = [Frame(pool.times(0).tick, batches)]
-    act = random_player(pool, seed + 1)
-    for _ in range(NUM_STEPS_AFTER):
-        batches = pool.step(act(batches))
-        frames.append(Frame(pool.times(0).tick, batches))
-    return Recording(pool.spec, seed, tuple(frames))
+    play(pool, pool.reset(seed), num_played, seed)
+    frames = play(pool, pool.reset(None), NUM_STEPS_AFTER, seed + 1)
+    return Recording(pool.spec, seed, frames)
 
 
 def _after_reset(context: CheckContext, pool: EnginePool, fresh: Recording) -> list[Finding]:

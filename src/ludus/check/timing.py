@@ -10,8 +10,7 @@ import numpy as np
 from ludus.check.context import CheckContext
 from ludus.check.difference import standing_difference
 from ludus.check.finding import Finding, fail, info, ok
-from ludus.check.recording import Recording, record
-from ludus.play.players import random_player
+from ludus.check.recording import Recording, play, record
 from ludus.pool import EnginePool
 from ludus.wire.reset import ResetAction, ResetRequest
 
@@ -97,10 +96,7 @@ def _others_unchanged(pool: EnginePool, seed: int) -> Finding:
     num = pool.spec.num_worlds
     if num < 2:
         return info(title, "not checked: it needs two worlds", "run with --num-worlds 2")
-    before = pool.reset(seed)
-    act = random_player(pool, seed)
-    for _ in range(3):
-        before = pool.step(act(before))
+    before = play(pool, pool.reset(seed), 3, seed)[-1].batches
     request = _leave_all(num)
     request.actions[0] = ResetAction.NEXT_EPISODE
     after = pool.reset_worlds(request)

@@ -83,6 +83,8 @@ def _print_change(name: str, change: AddonChange) -> None:
         f"{len(change.added)} new, {len(change.updated)} updated, {len(change.removed)} removed"
     )
     sys.stdout.write(f"{name} {change.version_after} ({what}): {counts}\n")
+    for path in change.rewritten:
+        sys.stdout.write(f"  rewritten: {path} (scripts of the add-on have moved)\n")
 
 
 def _status(command: Status) -> int:

@@ -29,11 +29,11 @@ class BenchCommand(BenchConfig):
     target: tyro.conf.Positional[str]
     num_worlds: Annotated[int, tyro.conf.arg(aliases=["--worlds"])] = setting(64, AT_LEAST_1)
     num_engines: Annotated[int, tyro.conf.arg(aliases=["--engines"])] = setting(1, AT_LEAST_1)
-    is_pinned: Annotated[bool, tyro.conf.arg(name="pinned")] = True
     json: bool = False
 
 
 COMMAND = BenchCommand
+RENAMED_FLAGS = {"--pinned": "--is-pinned", "--no-pinned": "--no-is-pinned"}
 
 
 def run(command: BenchCommand) -> int:

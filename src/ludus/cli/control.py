@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 import sys
 import time
 from collections.abc import Collection, Sequence
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from ludus.errors import RunError, UsageError
+from ludus.errors import RunError, UsageError, did_you_mean
 
 if TYPE_CHECKING:
     from ludus.runs.control import Request
@@ -95,9 +94,11 @@ def parse_changes(changes: Sequence[str], policies: Collection[str]) -> list[Req
         if not equals:
             raise UsageError(f"cannot read the change {change!r}", f"write POLICY=MODE, {USAGE}")
         if policy not in policies:
-            raise _unknown("policy", policy, policies, "policies of the run")
+            hint = did_you_mean(policy, policies, "policies of the run")
+            raise UsageError(f"there is no policy {policy!r}", hint)
         if mode not in MODES:
-            raise _unknown("mode", mode, MODES, "modes")
+            hint = did_you_mean(mode, MODES, "modes")
+            raise UsageError(f"there is no mode {mode!r}", hint)
         if policy in named:
             raise UsageError(f"policy {policy} is named twice", "name one mode for each policy")
         named.add(policy)
@@ -122,12 +123,6 @@ def _only_running() -> RunFolder:
         raise UsageError(f"no run in {RUNS} is running", f"name the run folder, {USAGE}")
     names = ", ".join(str(run.path) for run in found)
     raise UsageError(f"several runs are running: {names}", f"name one, {USAGE}")
-
-
-def _unknown(what: str, name: str, known: Collection[str], heading: str) -> UsageError:
-    close = difflib.get_close_matches(name, known, n=1)
-    hint = f"did you mean {close[0]}?" if close else f"{heading}: {', '.join(known)}"
-    return UsageError(f"there is no {what} {name!r}", hint)
 
 
 def _send(folder: RunFolder, requests: Sequence[Request], timeout_s: float) -> None:

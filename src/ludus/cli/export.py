@@ -5,41 +5,29 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from ludus.export.config import ExportConfig
+
 if TYPE_CHECKING:
     from ludus.export.compare import Comparison
-    from ludus.export.exporting import Exported
     from ludus.export.parity import ParityReport
 
 __all__ = ["COMMAND", "ExportCommand", "run"]
 
 
-@dataclass(frozen=True)
-class ExportCommand:
+@dataclass(frozen=True, kw_only=True)
+class ExportCommand(ExportConfig):
     """Write the trained policies of a run as files that run without Python.
 
-    A .ludus.json goes into a game: the add-on plays it. An .onnx runs in ONNX Runtime and the like.
-    Before anything is written, all runtimes must compute what was trained.
-
-    Attributes:
-        run: Run folder, or one of its checkpoints.
-        policy: Export this one only; none exports all.
-        to: A file, if there is one policy; a folder; or a pattern such as models/{policy}.onnx.
-            None is the run's folder, as .ludus.json.
-        checkpoint: "newest", "best" (the highest mean return), or one of the run's checkpoints.
-        parity: Test that the exported policy computes what was trained, in the game engine, too.
-        godot: Godot to test with; none is the one that ludus finds, or the run's Bevy game.
+    A .ludus.json goes into a game, where the add-on plays it. An .onnx runs in ONNX Runtime and the
+    like. Nothing is written unless all runtimes compute what was trained.
     """
 
     run: tyro.conf.Positional[Path]
-    policy: str | None = None
-    to: str | None = None
-    checkpoint: str = "newest"
-    parity: bool = True
-    godot: Path | None = None
+    is_tested: Annotated[bool, tyro.conf.arg(name="parity")] = True
 
 
 COMMAND = ExportCommand
@@ -47,27 +35,15 @@ COMMAND = ExportCommand
 
 def run(command: ExportCommand) -> int:
     """Export and print; return 0."""
-    from ludus.export.exporting import ExportConfig, export_policies
+    from ludus.export.exporting import export_policies
 
-    config = ExportConfig(
-        run=command.run,
-        policy=command.policy,
-        to=command.to,
-        checkpoint=command.checkpoint,
-        is_tested=command.parity,
-        godot=command.godot,
-    )
-    for exported in export_policies(config):
-        sys.stdout.write("\n".join(_lines(exported)) + "\n")
+    for exported in export_policies(command):
+        size = f"{exported.num_bytes / 1024:.1f} KiB"
+        parity = exported.parity
+        tested = ["  not tested (--no-parity)"] if parity is None else _parity_lines(parity)
+        lines = [f"{exported.policy}: {exported.path} ({size})", *tested]
+        sys.stdout.write("\n".join(lines) + "\n")
     return 0
-
-
-def _lines(exported: Exported) -> list[str]:
-    size = f"{exported.num_bytes / 1024:.1f} KiB"
-    first = f"{exported.policy}: {exported.path} ({size})"
-    if exported.parity is None:
-        return [first, "  not tested (--no-parity)"]
-    return [first, *_parity_lines(exported.parity)]
 
 
 def _parity_lines(report: ParityReport) -> list[str]:
@@ -81,24 +57,17 @@ def _parity_lines(report: ParityReport) -> list[str]:
         *(f"    {_line(comparison)}" for comparison in report.comparisons),
     ]
     tested = " ".join(comparison.runtime for comparison in report.comparisons)
-    hints = {
-        "ONNX Runtime": "pip install 'ludus-rl[export]'",
-        "Godot": "ludus engine install godot4",
-    }
-    if "Bevy" in tested:
-        del hints["Godot"]
+    hints = {"ONNX Runtime": "pip install 'ludus-rl[export]'"}
+    if "Bevy" not in tested:
+        hints["Godot"] = "ludus engine install godot4"
     missing = {name: hint for name, hint in hints.items() if name not in tested}
     return lines + [f"    {name:<13} not tested ({hint})" for name, hint in missing.items()]
 
 
 def _line(comparison: Comparison) -> str:
-    actions = max(comparison.continuous, comparison.discrete)
-    line = f"{comparison.runtime:<13} outputs {_figure(comparison.outputs)}"
-    line += f", actions {_figure(actions)}"
+    differences = (comparison.outputs, max(comparison.continuous, comparison.discrete))
+    outputs, actions = (f"{value:.1e}" if value else "0" for value in differences)
+    line = f"{comparison.runtime:<13} outputs {outputs}, actions {actions}"
     if comparison.num_other_choices:
         line += f" ({comparison.num_other_choices} choices between near equals differ)"
     return line
-
-
-def _figure(difference: float) -> str:
-    return f"{difference:.1e}" if difference else "0"

@@ -24,6 +24,7 @@ class GameFlags:
         ticks_per_step: Physics ticks per decision; none is as in training.
         max_episode_steps: Steps after which episodes are truncated; none is as in training.
         godot: Engine to use; none is as in training.
+        is_pinned: Give each engine a core of its own, as in training; without it none gets one.
         token_file: File with the token of a game on another machine; none is as in training.
     """
 
@@ -35,9 +36,11 @@ class GameFlags:
     ticks_per_step: int | None = None
     max_episode_steps: int | None = None
     godot: Path | None = None
+    is_pinned: bool = True
     token_file: Path | None = None
 
     def given(self) -> dict[str, Any]:
         """Return the settings that were given."""
         values = {part.name: getattr(self, part.name) for part in fields(GameFlags)}
-        return {name: value for name, value in values.items() if value is not None}
+        usual = {part.name: part.default for part in fields(GameFlags)}
+        return {name: value for name, value in values.items() if value != usual[name]}

@@ -24,7 +24,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any, NoReturn
 
-from ludus.errors import LudusError, SetupError, UsageError
+from ludus.errors import LudusError, SetupError, UsageError, did_you_mean
 from ludus.version import __version__
 
 __all__ = ["COMMANDS", "main"]
@@ -117,7 +117,8 @@ def _dispatch(arguments: list[str]) -> int:
         sys.stdout.write(f"ludus {__version__}\n")
         return 0
     if name not in COMMANDS:
-        raise _unknown(name)
+        hint = did_you_mean(name, COMMANDS, "commands")
+        raise UsageError(f"there is no command {name}", hint)
     module: Any = importlib.import_module(COMMANDS[name][0])
     given = _with_current_flags(arguments[1:], getattr(module, "RENAMED_FLAGS", {}))
     return int(module.run(_parse(module, name, given)))
@@ -141,14 +142,6 @@ def _parse(module: Any, name: str, arguments: list[str]) -> Any:
     import tyro
 
     return tyro.cli(module.COMMAND, args=arguments, prog=f"ludus {name}")
-
-
-def _unknown(name: str) -> UsageError:
-    import difflib
-
-    close = difflib.get_close_matches(name, COMMANDS, n=1)
-    hint = f"did you mean {close[0]}?" if close else f"commands: {', '.join(COMMANDS)}"
-    return UsageError(f"there is no command {name}", hint)
 
 
 def _after(text: str, hint: str, exit_code: int, is_debug: bool) -> int:

@@ -13,7 +13,8 @@ from typing import Annotated, Any, Union, get_type_hints
 
 import tyro
 
-from ludus.settings.merging import Layer, merge, read_file, resolve
+from ludus.settings.merging import Layer, merge, resolve
+from ludus.settings.plain import read_file
 from ludus.settings.policy_config import ALGORITHM_CONFIGS
 from ludus.settings.train_config import Phase, PPOConfig, SACConfig, TrainConfig
 

@@ -7,20 +7,18 @@ from ludus.engine.affinity import (
     CorePlan,
     ReservedCores,
     allowed_cores,
+    num_cores,
     pinned_to,
-    plan_cores,
     reserve_cores,
 )
-from ludus.engine.doctor import Finding, FindingStatus, doctor
+from ludus.engine.doctor import FindingStatus, doctor
 from ludus.engine.export_game import export_game
 from ludus.engine.find import (
-    EngineSearch,
     InstalledEngine,
     find_engine,
     list_engines,
-    search_engines,
 )
-from ludus.engine.importing import ensure_imported, needs_import
+from ludus.engine.importing import ensure_imported
 from ludus.engine.install import (
     install_engine,
     install_screen,
@@ -41,19 +39,16 @@ from ludus.engine.project import (
     find_project,
     read_project,
     require_addon,
-    scene_path,
 )
-from ludus.engine.screen import find_xvfb, has_screen, with_display
-from ludus.engine.template import ExportTemplate, find_template, matching_template
+from ludus.engine.screen import has_screen, with_display
+from ludus.engine.template import ExportTemplate, matching_template
 
 __all__ = [
     "RUN_SCENE",
     "CorePlan",
     "EngineKind",
     "EngineProcess",
-    "EngineSearch",
     "ExportTemplate",
-    "Finding",
     "FindingStatus",
     "GodotFlags",
     "InstalledEngine",
@@ -67,8 +62,6 @@ __all__ = [
     "export_game",
     "find_engine",
     "find_project",
-    "find_template",
-    "find_xvfb",
     "godot_command",
     "has_screen",
     "install_engine",
@@ -76,14 +69,11 @@ __all__ = [
     "install_template",
     "list_engines",
     "matching_template",
-    "needs_import",
+    "num_cores",
     "pinned_to",
-    "plan_cores",
     "read_project",
     "require_addon",
     "reserve_cores",
-    "scene_path",
-    "search_engines",
     "template_installers",
     "with_display",
 ]

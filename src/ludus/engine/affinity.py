@@ -3,19 +3,22 @@
 An engine that is pinned to one core runs up to twice as fast, because its worker threads no
 longer wake each other across cores. Platforms without pinning (macOS, Windows) get no plan.
 Two engines on one core get half of it each, so a pool locks a file per core in the user's cache,
-and takes cores that no other pool has locked. The system frees the locks of a process that dies.
+and takes cores that no other pool has locked; where there are too few, it pins nothing. The system
+frees the locks of a process that dies.
 """
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import socket
 import sys
 import threading
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from ludus.engine.cache import cache_root
 from ludus.errors import ConfigError
@@ -25,6 +28,8 @@ __all__ = [
     "CorePlan",
     "ReservedCores",
     "allowed_cores",
+    "cpu_quota",
+    "num_cores",
     "pinned_to",
     "plan_cores",
     "reserve_cores",
@@ -40,8 +45,8 @@ class CorePlan:
     """Cores for each engine and for the process that learns.
 
     Attributes:
-        engines: Per engine its cores, or None where cores cannot be chosen.
-        learner: Cores of the learner, or None where they cannot be chosen.
+        engines: Per engine its cores, or None where the system chooses.
+        learner: Cores of the learner, or None where the system chooses.
     """
 
     engines: tuple[tuple[int, ...] | None, ...]
@@ -55,30 +60,67 @@ def allowed_cores() -> tuple[int, ...] | None:
     return tuple(sorted(os.sched_getaffinity(0)))
 
 
-def plan_cores(num_engines: int, allowed: tuple[int, ...] | None = None) -> CorePlan:
-    """Give each engine one core, and the learner what is left.
+def cpu_quota(root: Path = Path("/")) -> float | None:
+    """Return how many cores' worth of time this process may use; None without a limit.
 
-    With as many engines as cores or more, engines share cores in turn and the learner may use
-    all of them.
+    Control groups set it: those of containers (`docker run --cpus`, `limits.cpu` of Kubernetes).
+
+    Args:
+        root: Where ``/proc`` and ``/sys`` lie.
+    """
+    quotas: list[float] = []
+    with contextlib.suppress(OSError):
+        for line in (root / "proc/self/cgroup").read_text().splitlines():
+            _, controllers, path = line.split(":", 2)
+            if not controllers:
+                quotas += _quotas(root / "sys/fs/cgroup", path, "cpu.max")
+            elif "cpu" in controllers.split(","):
+                quotas += _quotas(root / f"sys/fs/cgroup/{controllers}", path, "cpu.cfs_quota_us")
+    return min(quotas, default=None)
+
+
+def _quotas(mount: Path, path: str, name: str) -> Iterator[float]:
+    """Yield the quotas of a control group and those above it."""
+    group = mount / path.strip("/")
+    # Inside a container the path may be the host's, and the mount the group itself.
+    for folder in (group, *group.parents):
+        with contextlib.suppress(OSError, ValueError):  # "max": no limit
+            words = (folder / name).read_text().split()
+            if name != "cpu.max":
+                words.append((folder / "cpu.cfs_period_us").read_text())
+            if (quota := int(words[0])) > 0:
+                yield quota / int(words[1])
+        if folder == mount:
+            return
+
+
+def num_cores() -> float:
+    """Return how many cores this process may keep busy: fewer than all under a quota."""
+    quota = cpu_quota()
+    count = len(allowed_cores() or ()) or os.cpu_count() or 1
+    return count if quota is None else min(count, quota)
+
+
+def plan_cores(num_engines: int, allowed: tuple[int, ...] | None = None) -> CorePlan:
+    """Give each engine one core, and the learner what is left, or all if nothing is left.
+
+    With more engines than cores nothing is pinned: engines that share cores in turn were measured
+    at 0.74 (3 on 2 cores) and 0.89 (4) of the steps that the system's own choice gives.
 
     Args:
         num_engines: How many engines will run.
         allowed: Cores to divide; by default those this process may use.
     """
     allowed = allowed_cores() if allowed is None else allowed
-    if not allowed:
+    if not allowed or num_engines > len(allowed):
         return CorePlan(engines=(None,) * num_engines, learner=None)
-    return _plan(num_engines, allowed, allowed[:num_engines], ())
+    return _plan(allowed[:num_engines], allowed)
 
 
-def _plan(
-    num_engines: int, allowed: tuple[int, ...], taken: Sequence[int], others: Sequence[int]
-) -> CorePlan:
-    """Give engines the cores in ``taken`` first, then those of ``others``; what is left learns."""
-    order = [*taken, *others] or allowed
-    engines = tuple((order[index % len(order)],) for index in range(num_engines))
+def _plan(taken: Sequence[int], allowed: tuple[int, ...], others: Sequence[int] = ()) -> CorePlan:
+    """Give the engines the cores in ``taken``; what neither they nor ``others`` have learns."""
     left = tuple(core for core in allowed if core not in {*taken, *others})
-    return CorePlan(engines=engines, learner=left or allowed)
+    return CorePlan(engines=tuple((core,) for core in taken), learner=left or allowed)
 
 
 @dataclass(frozen=True)
@@ -100,14 +142,18 @@ class ReservedCores:
 
 
 def reserve_cores(num_engines: int) -> ReservedCores:
-    """Choose cores as `plan_cores` does, those first that no other pool of this user has locked.
+    """Choose cores that no other pool of this user has locked, one for each engine.
 
-    With fewer free cores than engines, the remaining engines share cores with others. Where the
-    cache cannot be written to, nothing is locked, and every pool begins with the first core.
+    Nothing is pinned where fewer are free than there are engines. Nor under a quota of processor
+    time (a container's): the processes it shares the machine with have locks of their own, and all
+    would begin with the first core. Where the cache cannot be written to, nothing is locked, and
+    every pool begins with the first core.
     """
-    allowed = allowed_cores()
-    root = cache_root()
-    if not allowed or root is None:
+    allowed, root, quota = allowed_cores(), cache_root(), cpu_quota()
+    unpinned = ReservedCores(CorePlan((None,) * num_engines, None))
+    if not allowed or (quota is not None and quota < len(allowed)):
+        return unpinned
+    if root is None:
         return ReservedCores(plan_cores(num_engines, allowed))
     # The cache may lie in a home folder that several machines mount.
     folder = root / "cores" / (socket.gethostname() or "localhost")
@@ -127,7 +173,10 @@ def reserve_cores(num_engines: int) -> ReservedCores:
             return ReservedCores(plan_cores(num_engines, allowed))
         else:
             taken.append(core)
-    return ReservedCores(_plan(num_engines, allowed, taken, others), locks)
+    if len(taken) < num_engines:
+        locks.close()
+        return unpinned
+    return ReservedCores(_plan(taken, allowed, others), locks)
 
 
 @contextmanager
@@ -145,20 +194,14 @@ def pinned_to(cores: tuple[int, ...] | None) -> Generator[None, None, None]:
         return
     with _pin_lock:
         before = os.sched_getaffinity(0)
-        _pin_thread(cores, before)
+        try:
+            os.sched_setaffinity(0, cores)
+        except OSError as error:
+            raise ConfigError(
+                f"an engine cannot be pinned to cores {list(cores)}: {error.strerror}",
+                hint=f"cores this process may use: {sorted(before)}",
+            ) from error
         try:
             yield
         finally:
             os.sched_setaffinity(0, before)
-
-
-def _pin_thread(cores: tuple[int, ...], allowed: set[int]) -> None:
-    if sys.platform != "linux":
-        return
-    try:
-        os.sched_setaffinity(0, cores)
-    except OSError as error:
-        raise ConfigError(
-            f"an engine cannot be pinned to cores {list(cores)}: {error.strerror}",
-            hint=f"cores this process may use: {sorted(allowed)}",
-        ) from error

@@ -35,22 +35,17 @@ def unpack_zip(archive: Path, folder: Path, only: Container[str] | None = None) 
 
 
 def _unpack_entry(opened: zipfile.ZipFile, entry: zipfile.ZipInfo, folder: Path) -> None:
-    target = folder.joinpath(*_safe_parts(entry))
+    path = PurePosixPath(entry.filename.replace("\\", "/"))
+    mode = entry.external_attr >> 16
+    has_drive = any(":" in part for part in path.parts)
+    if path.is_absolute() or ".." in path.parts or has_drive or stat.S_ISLNK(mode):
+        raise SetupError(f"the archive has an entry outside its folder: {entry.filename!r}")
+    target = folder / path
     if entry.is_dir():
         target.mkdir(parents=True, exist_ok=True)
         return
     target.parent.mkdir(parents=True, exist_ok=True)
     with opened.open(entry) as source, target.open("wb") as file:
         shutil.copyfileobj(source, file, 1 << 20)
-    mode = entry.external_attr >> 16
     if mode & 0o111:
         target.chmod(0o755)
-
-
-def _safe_parts(entry: zipfile.ZipInfo) -> tuple[str, ...]:
-    path = PurePosixPath(entry.filename.replace("\\", "/"))
-    is_link = stat.S_ISLNK(entry.external_attr >> 16)
-    has_drive = any(":" in part for part in path.parts)
-    if path.is_absolute() or ".." in path.parts or has_drive or is_link:
-        raise SetupError(f"the archive has an entry outside its folder: {entry.filename!r}")
-    return path.parts

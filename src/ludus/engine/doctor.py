@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from ludus.engine.affinity import allowed_cores
+from ludus.engine.affinity import allowed_cores, cpu_quota
 from ludus.engine.cache import cache_root, cached_engines
 from ludus.engine.find import search_engines
 from ludus.engine.kinds import EngineKind
@@ -117,7 +117,11 @@ def _cores() -> Finding:
     if cores is None:
         detail = f"{os.cpu_count()} cores; engines cannot be pinned on {sys.platform}"
         return _warn("cores", detail, hint="several engines run faster on Linux")
-    return _ok("cores", f"{len(cores)} of {os.cpu_count()} cores may be used; engines are pinned")
+    detail = f"{len(cores)} of {os.cpu_count()} cores may be used"
+    quota = cpu_quota()
+    if quota is not None and quota < len(cores):
+        return _ok("cores", f"{detail}, for {quota:g} cores' worth of time; engines are not pinned")
+    return _ok("cores", f"{detail}; engines are pinned where enough are free")
 
 
 def _screen() -> Finding:

@@ -34,7 +34,9 @@ def download(url: str, into: Path, sha512: str, progress: Progress) -> None:
     except (OSError, http.client.HTTPException) as error:
         host = urllib.parse.urlsplit(url).netloc
         raise InstallerUnavailable(f"{host} cannot be reached: {error}") from error
-    _set_read_timeout(response)
+    connection = getattr(getattr(response.fp, "raw", None), "_sock", None)
+    if isinstance(connection, socket.socket):  # a slow server may take longer between two reads
+        connection.settimeout(READ_TIMEOUT_S)
     name = into.name
     with response, into.open("wb") as file:
         try:
@@ -47,13 +49,6 @@ def download(url: str, into: Path, sha512: str, progress: Progress) -> None:
             hint="try again; if this repeats, something between here and the server alters "
             "downloads",
         )
-
-
-def _set_read_timeout(response: http.client.HTTPResponse) -> None:
-    """Allow slow servers more time between two reads than for the connection."""
-    connection = getattr(getattr(response.fp, "raw", None), "_sock", None)
-    if isinstance(connection, socket.socket):
-        connection.settimeout(READ_TIMEOUT_S)
 
 
 def _copy(

@@ -142,17 +142,25 @@ def _accept_named(kind: EngineKind, path: Path, source: str) -> InstalledEngine:
     if path.suffix == ".app" and inside_app_bundle.is_file():
         path = inside_app_bundle
     if not path.is_file():
-        problem = "is not a file"
+        found = "is not a file"
     elif not os.access(path, os.X_OK):
-        problem = "is not executable"
-    elif (answer := ask_version(path)) is None:
-        problem = "does not answer --version"
-    elif not kind.accepts(answer[0]):
-        problem = f"is {answer[1]}; {kind.traits.requirement}"
+        found = "is not executable"
     else:
-        return InstalledEngine(kind, path.absolute(), *answer, source)
+        found = _examine(kind, path.absolute(), source)
+    if isinstance(found, InstalledEngine):
+        return found
     hint = f"correct {source}, or leave it out to use an engine from PATH or the cache"
-    raise ConfigError(f"{source} names {path}, which {problem}", hint)
+    raise ConfigError(f"{source} names {path}, which {found}", hint)
+
+
+def _examine(kind: EngineKind, path: Path, source: str) -> InstalledEngine | str:
+    """Ask an executable for its version; return the engine, or what is wrong with it."""
+    answer = ask_version(path)
+    if answer is None:
+        return "does not answer --version"
+    if not kind.accepts(answer[0]):
+        return f"is {answer[1]}; {kind.traits.requirement}"
+    return InstalledEngine(kind, path, *answer, source)
 
 
 def _search_path(search: EngineSearch) -> None:
@@ -162,13 +170,11 @@ def _search_path(search: EngineSearch) -> None:
             search.notes.append(f"PATH: no {name}")
             continue
         path = Path(location).absolute()
-        answer = ask_version(path)
-        if answer is None:
-            search.notes.append(f"PATH: {path} does not answer --version")
-        elif not search.kind.accepts(answer[0]):
-            search.notes.append(f"PATH: {path} is {answer[1]}; {search.kind.traits.requirement}")
+        found = _examine(search.kind, path, "PATH")
+        if isinstance(found, InstalledEngine):
+            search.found.append(found)
         else:
-            search.found.append(InstalledEngine(search.kind, path, *answer, source="PATH"))
+            search.notes.append(f"PATH: {path} {found}")
 
 
 def _search_cache(search: EngineSearch) -> None:

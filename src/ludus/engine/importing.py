@@ -12,6 +12,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from ludus.disk import write_atomically
 from ludus.engine.find import InstalledEngine
 from ludus.engine.kinds import EngineKind
 from ludus.engine.launch import LaunchConfig
@@ -82,7 +83,7 @@ def _import(engine: InstalledEngine, project: Project, timeout_s: float) -> None
     before = _fingerprint(engine, project.root, with_generated=False)
     _run_import(engine, project, timeout_s)
     if _fingerprint(engine, project.root, with_generated=False) == before:
-        _write_stamp(stamp, _fingerprint(engine, project.root))
+        write_atomically(stamp, _fingerprint(engine, project.root).encode())
 
 
 def _run_import(engine: InstalledEngine, project: Project, timeout_s: float) -> None:
@@ -102,12 +103,6 @@ def _run_import(engine: InstalledEngine, project: Project, timeout_s: float) -> 
             hint="open the project in the editor once; it shows what cannot be imported",
         )
     _log.debug("import of %s: %s", project.root, report)
-
-
-def _write_stamp(stamp: Path, text: str) -> None:
-    temporary = stamp.with_name(f"{stamp.name}.{os.getpid()}")
-    temporary.write_text(text, encoding="utf-8")
-    temporary.replace(stamp)
 
 
 def _fingerprint(engine: InstalledEngine, root: Path, *, with_generated: bool = True) -> str:

@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 
 from ludus.export.inputs import ParityInputs
 from ludus.export.runtimes import Answers
+from ludus.model.inference import FORBIDDEN
 from ludus.model.policy_model import PolicyModel
 
 __all__ = ["TOLERANCE", "Comparison", "compare"]
 
 TOLERANCE = 1e-4
 """Largest difference allowed; of numbers above 1, relative to their size."""
-FORBIDDEN = -1e8
-"""Logit of a choice that the mask forbids."""
 
 
 @dataclass(frozen=True)

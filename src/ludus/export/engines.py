@@ -67,37 +67,31 @@ def answer_with_engine(
         folder = Path(name)
         write_request(folder, path, model, inputs)
         if isinstance(engine, BevyGame):
-            _run_bevy(engine, folder)
+            _run(
+                "Bevy",
+                (str(engine.program), f"--ludus-parity={folder}"),
+                folder,
+                slow="it may have been built before bevy_ludus knew --ludus-parity: build it again",
+                broken="build the game again with the bevy_ludus of this version",
+            )
         else:
-            _run_godot(engine, folder)
+            _run(
+                "Godot",
+                _godot_command(engine, folder),
+                folder,
+                slow="a large network takes long in GDScript",
+                broken="this is a defect",
+            )
         return _read_answers(folder, model, inputs)
 
 
-def _run_godot(engine: InstalledEngine, folder: Path) -> None:
+def _godot_command(engine: InstalledEngine, folder: Path) -> tuple[str, ...]:
     project = find_project(runnable_bundled_root(engine.kind))
     ensure_imported(engine, project)
-    is_godot3 = engine.kind is EngineKind.GODOT3
     program = str(engine.executable(headless=True))
-    display = "--no-window" if is_godot3 else "--headless"
-    script = str(SCRIPT3 if is_godot3 else SCRIPT)
-    command = (program, display, "--path", str(project.root), "-s", script, "--", str(folder))
-    _run(
-        "Godot",
-        command,
-        folder,
-        slow="a large network takes long in GDScript",
-        broken="this is a defect",
-    )
-
-
-def _run_bevy(game: BevyGame, folder: Path) -> None:
-    _run(
-        "Bevy",
-        (str(game.program), f"--ludus-parity={folder}"),
-        folder,
-        slow="it may have been built before bevy_ludus knew --ludus-parity: build it again",
-        broken="build the game again with the bevy_ludus of this version",
-    )
+    is_godot3 = engine.kind is EngineKind.GODOT3
+    display, script = ("--no-window", SCRIPT3) if is_godot3 else ("--headless", SCRIPT)
+    return (program, display, "--path", str(project.root), "-s", str(script), "--", str(folder))
 
 
 def _run(name: str, command: tuple[str, ...], folder: Path, *, slow: str, broken: str) -> None:

@@ -9,7 +9,8 @@ from pathlib import Path
 from ludus.disk import disk_errors, write_atomically
 from ludus.engine import EngineKind, InstalledEngine, find_engine
 from ludus.engine.exported import is_bevy_game
-from ludus.errors import EngineNotFound, SetupError, TargetError
+from ludus.errors import SetupError, TargetError
+from ludus.export.config import ExportConfig
 from ludus.export.convert import to_model
 from ludus.export.engines import BevyGame
 from ludus.export.parity import (
@@ -28,27 +29,6 @@ from ludus.settings.train_config import TrainConfig
 from ludus.target import Executable, Scene, Target, parse_target, prepare
 
 __all__ = ["ExportConfig", "Exported", "export_policies", "write_policies"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class ExportConfig:
-    """What to export, and where to.
-
-    Attributes:
-        run: A run folder, or one of its checkpoints.
-        policy: Name of the one policy to export; None exports all.
-        to: A file, a folder or a pattern with ``{policy}``; None is the run's folder.
-        checkpoint: ``newest``, ``best`` or the path of a checkpoint.
-        is_tested: Whether every runtime must compute what was trained.
-        godot: Engine to test with; None is the run's, or the one that is found.
-    """
-
-    run: Path
-    policy: str | None = None
-    to: str | None = None
-    checkpoint: str = "newest"
-    is_tested: bool = True
-    godot: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -92,17 +72,17 @@ def export_policies(config: ExportConfig) -> list[Exported]:
     if config.is_tested:
         engine = _find_engine(formats, config.godot, folder.read_config())
     with tempfile.TemporaryDirectory(prefix="ludus-export-") as name:
-        staged = [
-            _stage(one, Path(name) / str(index), formats, config.is_tested)
-            for index, one in enumerate(trained)
-        ]
-        reports: list[ParityReport | None] = [None] * len(trained)
-        if config.is_tested:
-            pairs = zip(trained, staged, strict=True)
-            reports = [_test(one, files, engine) for one, files in pairs]
+        staged: list[tuple[PolicyFiles, ParityReport | None]] = []
+        for index, one in enumerate(trained):
+            model, files = _stage(one, Path(name) / str(index), formats, config.is_tested)
+            report = None
+            if config.is_tested:
+                report = measure_parity(one.policy, model, files, engine, one.recorded)
+                require_parity(report)
+            staged.append((files, report))
         return [
             Exported(one.spec.name, place, _publish(files, place), report)
-            for one, files, place, report in zip(trained, staged, places, reports, strict=True)
+            for one, (files, report), place in zip(trained, staged, places, strict=True)
         ]
 
 
@@ -121,37 +101,25 @@ def write_policies(run: Path, folder: Path, checkpoint: str = "newest") -> dict[
     return {exported.policy: exported.path for exported in export_policies(config)}
 
 
-@dataclass(frozen=True)
-class _Staged:
-    model: PolicyModel
-    files: PolicyFiles
-
-
-def _stage(one: TrainedPolicy, folder: Path, formats: set[str], is_tested: bool) -> _Staged:
+def _stage(
+    one: TrainedPolicy, folder: Path, formats: set[str], is_tested: bool
+) -> tuple[PolicyModel, PolicyFiles]:
     """Write a policy in all formats that are wanted or tested."""
     folder.mkdir()
     model = to_model(one.policy, one.spec)
     json, onnx = folder / f"policy{JSON}", folder / f"policy{ONNX}"
     write_model(json, model)
     if ONNX not in formats and not (is_tested and has_onnx_runtime()):
-        return _Staged(model, PolicyFiles(json))
+        return model, PolicyFiles(json)
     from ludus.export.onnx_file import write_onnx
 
     write_onnx(onnx, model)
-    return _Staged(model, PolicyFiles(json, onnx))
+    return model, PolicyFiles(json, onnx)
 
 
-def _test(
-    one: TrainedPolicy, staged: _Staged, engine: InstalledEngine | BevyGame | None
-) -> ParityReport:
-    report = measure_parity(one.policy, staged.model, staged.files, engine, one.recorded)
-    require_parity(report)
-    return report
-
-
-def _publish(staged: _Staged, place: Path) -> int:
+def _publish(files: PolicyFiles, place: Path) -> int:
     """Put the file into place, whole or not at all; return its size."""
-    source = staged.files.json if format_of(place) == JSON else staged.files.onnx
+    source = files.json if format_of(place) == JSON else files.onnx
     assert source is not None
     data = source.read_bytes()
     with disk_errors(str(place)):
@@ -166,35 +134,22 @@ def _find_engine(
     """Return the engine to test with: the run's, or the one named; ONNX files can do without."""
     try:
         game = _find_game(trained)
+        if named is None and isinstance(game, Executable) and is_bevy_game(game.path):
+            return BevyGame(game.path)
+        kind = game.project.engine_kind if isinstance(game, Scene) else EngineKind.GODOT4
+        return find_engine(kind, named or trained.godot)
     except SetupError as error:
         if JSON not in formats:
             return None
-        raise SetupError(
-            f"the exported policy cannot be tested in its game: {error.message}",
+        raise type(error)(
+            f"the exported policy cannot be tested: {error.message}",
             f"{error.hint}; or export without the test: --no-parity",
         ) from error
-    if named is None and isinstance(game, Executable) and is_bevy_game(game.path):
-        return BevyGame(game.path)
-    kind = game.project.engine_kind if isinstance(game, Scene) else EngineKind.GODOT4
-    return _find_godot(formats, named or trained.godot, kind)
-
-
-def _find_godot(formats: set[str], godot: Path | None, kind: EngineKind) -> InstalledEngine | None:
-    try:
-        return find_engine(kind, godot)
-    except EngineNotFound as error:
-        if JSON not in formats and godot is None:
-            return None
-        raise EngineNotFound(
-            f"the exported policy cannot be tested in Godot: {error.message}",
-            f"{error.hint}; or export without the test: --no-parity",
-        ) from None
 
 
 def _find_game(trained: TrainConfig) -> Target | None:
-    """Return the game of a run; None where that cannot be told any more."""
+    """Return the game of a run; None if it is gone."""
     try:
-        target = parse_target(trained.target, scene=trained.scene)
-        return prepare(target)
+        return prepare(parse_target(trained.target, scene=trained.scene))
     except TargetError:
         return None

@@ -27,6 +27,7 @@ from onnx import TensorProto, ValueInfoProto, helper
 from ludus.disk import disk_errors, write_atomically
 from ludus.errors import RunError
 from ludus.export.onnx_graph import OnnxGraph
+from ludus.model.inference import FORBIDDEN
 from ludus.model.policy_model import PolicyModel, is_image
 from ludus.spec import ObservationEntry
 from ludus.version import __version__
@@ -35,8 +36,6 @@ __all__ = ["MASK", "MEMORY", "to_onnx", "write_onnx"]
 
 OPSET, IR_VERSION = 17, 8
 """Of 2022: what runtimes of the last years read."""
-FORBIDDEN = -1e8
-"""Logit of a choice that the mask forbids."""
 MASK, MEMORY = "action_mask", "memory"
 RESERVED = (MASK, MEMORY, "memory_out", "outputs", "discrete", "continuous", "log_std")
 """Names of other inputs and outputs, which no observation entry may have."""
@@ -123,7 +122,7 @@ def _discrete(graph: OnnxGraph, model: PolicyModel) -> list[ValueInfoProto]:
         return []
     logits = graph.columns("outputs", 0, sum(nvec))
     if model.has_action_mask:
-        logits = graph.add("Where", MASK, logits, graph.number(FORBIDDEN))
+        logits = graph.add("Where", MASK, logits, graph.number(float(FORBIDDEN)))
     chosen: list[str] = []
     start = 0
     for n in nvec:

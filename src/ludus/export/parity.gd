@@ -2,6 +2,10 @@ extends SceneTree
 ## Runs an exported policy on the observations of a parity test, see engines.py.
 ## Argument: the folder with request.json and inputs.bin; answers.bin is written there.
 
+const LudusPolicyActions := preload("res://addons/ludus/policy/policy_actions.gd")
+const LudusPolicyNetwork := preload("res://addons/ludus/policy/policy_network.gd")
+const LudusPolicyReader := preload("res://addons/ludus/policy/policy_reader.gd")
+
 const REQUEST := "request.json"
 const INPUTS := "inputs.bin"
 const ANSWERS := "answers.bin"

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import difflib
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
 from numpy.typing import NDArray
 
-from ludus.errors import CheckpointError, ConfigError
+from ludus.errors import CheckpointError, ConfigError, did_you_mean
 from ludus.networks.policy import Policy
 from ludus.runs.checkpoint import Checkpoint
 from ludus.runs.saved import find_checkpoint, load_policies
@@ -60,7 +59,10 @@ def load_trained(run: Path, choice: str = "newest", only: str | None = None) -> 
         ConfigError: It has no policy called ``only``.
     """
     path, checkpoint = find_checkpoint(run, choice)
-    names = list(checkpoint.specs) if only is None else [_known(only, checkpoint.specs, path)]
+    if only is not None and only not in checkpoint.specs:
+        hint = did_you_mean(only, sorted(checkpoint.specs), "its policies")
+        raise ConfigError(f"{path} has no policy {only}", hint)
+    names = list(checkpoint.specs) if only is None else [only]
     specs = {name: _spec(checkpoint, name, path) for name in names}
     policies = load_policies(path, specs)
     return [
@@ -88,15 +90,6 @@ def spec_from_json(value: Mapping[str, Any]) -> PolicySpec:
         max_episode_steps=value["max_episode_steps"],
         settings=value["settings"],
     )
-
-
-def _known(name: str, names: Iterable[str], path: Path) -> str:
-    known = sorted(names)
-    if name in known:
-        return name
-    close = difflib.get_close_matches(name, known, n=1)
-    hint = f"did you mean {close[0]}?" if close else f"its policies: {', '.join(known)}"
-    raise ConfigError(f"{path} has no policy {name}", hint)
 
 
 def _spec(checkpoint: Checkpoint, name: str, path: Path) -> PolicySpec:

@@ -16,7 +16,7 @@ from ludus.networks.tensors import with_prefix
 from ludus.runs.checkpoint import Checkpoint, CheckpointStore, read_checkpoint
 from ludus.runs.run_folder import RunFolder
 from ludus.runs.saved import find_checkpoint
-from ludus.settings.merging import saved_policy
+from ludus.settings.plain import saved_policy
 from ludus.settings.policy_config import PolicyConfig
 
 __all__ = ["LeaguePlayer", "LeaguePlayers", "load_players", "subsample"]

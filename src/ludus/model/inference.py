@@ -22,7 +22,7 @@ from ludus.model.policy_model import (
 )
 from ludus.spec.batch import ActionBatch
 
-__all__ = ["ModelRunner"]
+__all__ = ["FORBIDDEN", "ModelRunner"]
 
 Array = NDArray[np.float32]
 

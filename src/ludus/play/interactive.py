@@ -72,7 +72,9 @@ def play_episodes(config: PlayConfig, player: MakePlayer, on_episode: OnEpisode)
     target = parse_target(config.target, scene=config.scene, godot=config.godot)
     check_accepted("play", target)
     launch = LaunchOptions(is_windowed=not config.is_headless, is_real_time=not config.is_headless)
-    settings = PoolConfig.of(config, is_pinned=config.is_headless, launch=launch)
+    settings = PoolConfig.of(
+        config, is_pinned=config.is_pinned and config.is_headless, launch=launch
+    )
     try:
         with open_pool(target, settings) as pool:
             counter = EpisodeCounter(pool.policies, config.num_episodes, on_episode)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from pathlib import Path
 from ludus.engine import (
     CorePlan,
     ReservedCores,
-    allowed_cores,
+    num_cores,
     reserve_cores,
 )
 from ludus.errors import ConfigError
@@ -198,8 +197,7 @@ def spin_us_beside(num_engines: int) -> int:
 
     Spinning pays where it takes no core from an engine: a sleeper wakes slowly, caches cold.
     """
-    num_cores = len(allowed_cores() or ()) or os.cpu_count() or 1
-    return DEFAULT_SPIN_US if num_engines < num_cores else 0
+    return DEFAULT_SPIN_US if num_engines < num_cores() else 0
 
 
 def _spin_us(config: PoolConfig) -> int:

@@ -167,15 +167,15 @@ class RunFolder:
 
     def read_config(self) -> TrainConfig:
         """Return the effective settings of the run."""
-        from ludus.settings.merging import lay_over, read_file
+        from ludus.settings.plain import merge_settings, read_file
         from ludus.settings.train_config import TrainConfig
 
         path = self.path / "config.json"
-        return lay_over(TrainConfig(), read_file(path), str(path))
+        return merge_settings(TrainConfig(), read_file(path), str(path))
 
     def write_config(self, config: TrainConfig, origins: Mapping[str, str] | None = None) -> None:
         """Save the effective settings, and where those come from that are not defaults."""
-        from ludus.settings.merging import ORIGINS, to_plain
+        from ludus.settings.plain import ORIGINS, to_plain
 
         where = {} if origins is None else {ORIGINS: dict(origins)}
         self.write_json("config.json", to_plain(config) | where)

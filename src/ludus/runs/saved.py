@@ -12,7 +12,7 @@ from ludus.networks.policy import Policy
 from ludus.networks.tensors import load_tensors
 from ludus.runs.checkpoint import Checkpoint, check_spec, read_checkpoint
 from ludus.runs.run_folder import RunFolder
-from ludus.settings.merging import saved_policy
+from ludus.settings.plain import saved_policy
 from ludus.settings.train_config import TrainConfig
 from ludus.spec import PolicySpec
 

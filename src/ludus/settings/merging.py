@@ -1,48 +1,34 @@
 """Settings in layers, later ones win: defaults, scene, resumed run, file, command line.
 
-A layer holds plain values by setting name, and where they come from. :func:`resolve` lays all
+A layer holds plain values by setting name, and where they come from. :func:`resolve` merges all
 layers over the defaults once the game has told its policies, and notes the origin of each setting.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import difflib
-import json
 import logging
 import secrets
-import tomllib
-import types
-import typing
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, Literal, TypeVar, cast
+from typing import Any, cast
 
 from ludus.errors import ConfigError
-from ludus.settings.policy_config import ALGORITHM_CONFIGS, PolicyConfig, PPOConfig, SACConfig
-from ludus.settings.train_config import LeagueConfig, Phase, TrainConfig
+from ludus.settings.plain import (
+    as_mapping,
+    foreign_error,
+    foreign_settings,
+    merge_settings,
+    read_algorithm,
+    to_plain,
+)
+from ludus.settings.policy_config import ALGORITHM_CONFIGS, PolicyConfig
+from ludus.settings.train_config import TrainConfig
 from ludus.spec import PolicySpec
 
-__all__ = [
-    "ORIGINS",
-    "Layer",
-    "Resolved",
-    "lay_over",
-    "merge",
-    "python_layer",
-    "read_file",
-    "resolve",
-    "resolve_policy",
-    "saved_policy",
-    "to_plain",
-]
-
-Struct = TypeVar("Struct", PPOConfig, SACConfig, TrainConfig, LeagueConfig, Phase)
+__all__ = ["Layer", "Resolved", "merge", "python_layer", "resolve", "resolve_policy"]
 
 DEFAULT = "default"
-ORIGINS = "origins"
-"""Where ``config.json`` has the origins of its settings; older ones have none."""
 
 log = logging.getLogger(__name__)
 
@@ -108,7 +94,7 @@ def merge(layers: Sequence[Layer]) -> TrainConfig:
     config = TrainConfig()
     for layer in layers:
         values = {name: value for name, value in layer.values.items() if name != "policies"}
-        config = lay_over(config, values, layer.origin)
+        config = merge_settings(config, values, layer.origin)
     return config
 
 
@@ -156,15 +142,18 @@ def resolve_policy(
     parts = [_Part(policy.settings, "scene", f"policy {policy.name} (scene)")]
     for layer in layers:
         parts += _parts_of(layer, policy.name)
-    chosen, since = _choose_algorithm(parts)
-    settings: PolicyConfig = ALGORITHM_CONFIGS[chosen]()
+    algorithm, algorithm_part = "ppo", 0
+    for index, part in enumerate(parts):
+        if "algorithm" in part.values:
+            algorithm, algorithm_part = read_algorithm(part.values, part.where), index
+    settings: PolicyConfig = ALGORITHM_CONFIGS[algorithm]()
     origins: dict[str, str] = {}
     for index, part in enumerate(parts):
-        if part.algorithm not in {None, chosen}:
+        if part.algorithm not in {None, algorithm}:
             continue
-        values = _own_values(part, chosen, is_before=index < since)
+        values = _own_values(part, algorithm, is_before=index < algorithm_part)
         before = settings
-        settings = lay_over(cast(PPOConfig, settings), values, part.where)
+        settings = merge_settings(settings, values, part.where)
         for name in values:
             if not part.is_saved or getattr(before, name) != getattr(settings, name):
                 origins[name] = part.origin
@@ -185,18 +174,17 @@ class _Part:
 def _parts_of(layer: Layer, policy: str) -> Iterable[_Part]:
     for algorithm in ALGORITHM_CONFIGS:
         where = f"{layer.origin}: {algorithm}"
-        section = _mapping(layer.values.get(algorithm, {}), algorithm, layer.origin)
+        section = as_mapping(layer.values.get(algorithm, {}), algorithm, layer.origin)
         values = {name: value for name, value in section.items() if name != "algorithm"}
         yield _Part(values, layer.origin, where, algorithm, layer.is_saved)
     algorithm = layer.values.get("algorithm")
     if algorithm is not None:
         yield _Part({"algorithm": algorithm}, layer.origin, layer.origin)
-    for name, values in _mapping(
-        layer.values.get("policies", {}), "policies", layer.origin
-    ).items():
+    policies = as_mapping(layer.values.get("policies", {}), "policies", layer.origin)
+    for name, values in policies.items():
         if _named(name, (policy,)):
             where = f"{layer.origin}: policies.{name}"
-            own = _mapping(values, name, where)
+            own = as_mapping(values, name, where)
             yield _Part(own, layer.origin, where, is_saved=layer.is_saved)
 
 
@@ -205,35 +193,15 @@ def _named(name: str, policies: Iterable[str]) -> bool:
     return name.replace("_", "-") in {policy.replace("_", "-") for policy in policies}
 
 
-def _choose_algorithm(parts: Sequence[_Part]) -> tuple[str, int]:
-    """Return the algorithm that the last part to name one names, and that part's index."""
-    chosen, since = "ppo", 0
-    for index, part in enumerate(parts):
-        if "algorithm" in part.values:
-            options = Literal["ppo", "sac"]
-            chosen = _fit(part.values["algorithm"], options, f"{part.where}: algorithm")
-            since = index
-    return chosen, since
-
-
 def _own_values(part: _Part, algorithm: str, *, is_before: bool) -> dict[str, Any]:
-    """Return what of a part the algorithm knows."""
-    foreign = [name for name in part.values if _is_of_another(name, algorithm)]
+    """Return what of a part the algorithm knows; only parts before its choice may hold more."""
+    foreign = foreign_settings(part.values, algorithm)
     if foreign and not is_before:
-        raise ConfigError(
-            f"{part.where}: {foreign[0]} is no setting of {algorithm}, which this policy uses",
-            "set algorithm as well, or leave that setting out",
-        )
+        raise foreign_error(foreign[0], algorithm, part.where)
     if foreign:
         log.info("%s: %s left out, %s has no such setting", part.where, foreign, algorithm)
     values = {name: value for name, value in part.values.items() if name not in foreign}
     return values | {"algorithm": algorithm} if "algorithm" in values else values
-
-
-def _is_of_another(name: str, algorithm: str) -> bool:
-    known = {kind: {part.name for part in dataclasses.fields(of)}
-             for kind, of in ALGORITHM_CONFIGS.items()}  # fmt: skip
-    return name not in known[algorithm] and any(name in names for names in known.values())
 
 
 def _origins(layers: Sequence[Layer]) -> dict[str, str]:
@@ -256,151 +224,3 @@ def _leaves(values: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, 
             yield from _leaves(cast(Mapping[str, Any], value), f"{prefix}{name}.")
         else:
             yield f"{prefix}{name}", value
-
-
-def saved_policy(values: Mapping[str, Any], where: str) -> PolicyConfig:
-    """Return the settings of one policy from those a run saved."""
-    part = _Part(values, where, where)
-    algorithm, _ = _choose_algorithm([part])
-    settings = cast(PPOConfig, ALGORITHM_CONFIGS[algorithm]())
-    return lay_over(settings, _own_values(part, algorithm, is_before=False), where)
-
-
-def lay_over(config: Struct, values: Mapping[str, Any], where: str) -> Struct:
-    """Return ``config`` with ``values`` in place of its own.
-
-    Args:
-        config: What stays where ``values`` says nothing.
-        values: Plain values by setting name; mappings for nested settings.
-        where: Where ``values`` come from, for messages: ``"policy hero (scene)"``.
-
-    Raises:
-        ConfigError: A name is unknown, or a value has the wrong type or is out of range.
-    """
-    hints = typing.get_type_hints(type(config))
-    changes: dict[str, Any] = {}
-    for name, value in values.items():
-        if name not in hints:
-            raise _unknown(name, list(hints), where)
-        current = getattr(config, name)
-        if name == "policies":
-            changes[name] = _lay_over_policies(value, where)
-        elif dataclasses.is_dataclass(current):
-            inner = cast(PPOConfig, current)
-            changes[name] = lay_over(inner, _mapping(value, name, where), f"{where}: {name}")
-        else:
-            changes[name] = _fit(value, hints[name], f"{where}: {name}")
-    try:
-        return dataclasses.replace(config, **changes)
-    except ConfigError as error:
-        raise ConfigError(f"{where}: {error.message}", error.hint) from None
-
-
-def read_file(path: Path) -> dict[str, Any]:
-    """Return the settings in a TOML file, or in a JSON file as runs save them, without origins.
-
-    Raises:
-        ConfigError: The file cannot be read or is malformed.
-    """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"cannot read the settings in {path}: {error}") from None
-    try:
-        values: Any = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
-    except (json.JSONDecodeError, tomllib.TOMLDecodeError) as error:
-        kind = "JSON" if path.suffix == ".json" else "TOML"
-        raise ConfigError(f"{path} is not valid {kind}: {error}") from None
-    settings = dict(_mapping(values, "the file", str(path)))
-    settings.pop(ORIGINS, None)
-    return settings
-
-
-def to_plain(config: PolicyConfig | TrainConfig) -> dict[str, Any]:
-    """Return ``config`` as JSON values; :func:`lay_over` takes them back."""
-    plain = json.dumps(dataclasses.asdict(config), default=str)
-    return cast(dict[str, Any], json.loads(plain))
-
-
-def _lay_over_policies(value: Any, where: str) -> dict[str, PolicyConfig]:
-    """Return the settings of single policies as a run saved them."""
-    return {
-        name: saved_policy(_mapping(settings, name, f"{where}: policies.{name}"),
-                           f"{where}: policies.{name}")
-        for name, settings in _mapping(value, "policies", where).items()
-    }  # fmt: skip
-
-
-def _mapping(value: Any, name: str, where: str) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise ConfigError(f"{where}: {name} must hold settings by name, not {value!r}")
-    return cast(Mapping[str, Any], value)
-
-
-def _unknown(name: str, known: list[str], where: str) -> ConfigError:
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    hint = f"did you mean {close[0]}?" if close else f"known settings: {', '.join(sorted(known))}"
-    return ConfigError(f"{where}: unknown setting {name}", hint)
-
-
-def _fit(value: Any, hint: Any, where: str) -> Any:
-    """Return ``value`` as the type ``hint``; whole floats pass as integers, as JSON has no others.
-
-    Raises:
-        ConfigError: It does not fit.
-    """
-    is_union = typing.get_origin(hint) in {types.UnionType, typing.Union}
-    for option in typing.get_args(hint) if is_union else (hint,):
-        fitted = _fit_one(value, option, where)
-        if fitted is not _MISFIT:
-            return fitted
-    raise ConfigError(f"{where} must be {_describe(hint)}, not {value!r}")
-
-
-_MISFIT = object()
-
-
-def _fit_one(value: Any, hint: Any, where: str) -> Any:  # noqa: PLR0911 - a table of types
-    origin = typing.get_origin(hint)
-    if hint is types.NoneType:
-        return None if value is None or value == "none" else _MISFIT
-    if origin is Literal:
-        return value if value in typing.get_args(hint) else _MISFIT
-    if origin is tuple:
-        if not isinstance(value, list | tuple):
-            return _MISFIT
-        part = typing.get_args(hint)[0]
-        return tuple(_fit(item, part, where) for item in cast(list[Any], value))
-    if origin is dict:
-        part = typing.get_args(hint)[1]
-        entries = _mapping(value, where.rpartition(" ")[2], where)
-        return {name: _fit(item, part, f"{where}.{name}") for name, item in entries.items()}
-    if dataclasses.is_dataclass(hint):
-        return lay_over(cast(Any, hint)(), _mapping(value, "it", where), where)
-    return _fit_scalar(value, hint)
-
-
-def _fit_scalar(value: Any, hint: Any) -> Any:
-    if hint is Path:
-        return Path(value) if isinstance(value, str | Path) and str(value) else _MISFIT
-    if hint in {bool, str}:
-        return value if isinstance(value, hint) else _MISFIT
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return _MISFIT
-    if hint is float:
-        return float(value)
-    return int(value) if float(value).is_integer() else _MISFIT
-
-
-def _describe(hint: Any) -> str:
-    if typing.get_origin(hint) is Literal:
-        return " or ".join(repr(option) for option in typing.get_args(hint))
-    names = {"int": "a whole number", "float": "a number", "bool": "true or false",
-             "str": "a text", "Path": "a path", "NoneType": "none",
-             "Phase": "a table with updates and modes"}  # fmt: skip
-    if typing.get_origin(hint) in {types.UnionType, typing.Union}:
-        return " or ".join(_describe(option) for option in typing.get_args(hint))
-    if typing.get_origin(hint) is tuple:
-        part = _describe(typing.get_args(hint)[0])
-        return f"a list of {part.removeprefix('a ')}s"
-    return names.get(getattr(hint, "__name__", ""), str(hint))

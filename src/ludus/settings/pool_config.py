@@ -13,6 +13,7 @@ from ludus.settings.checks import AT_LEAST_0, AT_LEAST_1, Settings, one_of, opti
 __all__ = ["GameConfig", "Layout", "PoolConfig"]
 
 Layout = Literal["scene", "isolated", "grid"]
+DEFAULT_RESTARTS = 3
 LAYOUT = one_of(get_args(Layout))
 
 
@@ -29,6 +30,9 @@ class GameConfig(Settings):
         ticks_per_step: Physics ticks per decision; none is what the agents say.
         max_episode_steps: Steps after which episodes are truncated; none is what the agents say.
         godot: Engine to use; none is the one that ludus finds.
+        is_pinned: Give each engine a core of its own that no other pool of this user has, where
+            enough are free and no quota (of a container) limits this process. Otherwise, and
+            without it, the system chooses.
         token_file: File with the token that a game on another machine was started with
             (``--ludus-token-file``): at least 16 characters; none for games on this machine.
     """
@@ -40,6 +44,7 @@ class GameConfig(Settings):
     ticks_per_step: int | None = setting(None, optional(AT_LEAST_1))
     max_episode_steps: int | None = setting(None, optional(AT_LEAST_1))
     godot: Path | None = None
+    is_pinned: bool = True
     token_file: Path | None = None
 
 
@@ -50,8 +55,6 @@ class PoolConfig(GameConfig):
     Attributes:
         log_dir: Folder for the engines' output.
         max_restarts: How often, in all, an engine that died or froze is started again.
-        is_pinned: Give each engine a core of its own, which no other pool of this user has while
-            there are enough.
         spin_us: How long both sides poll for a message before they block, microseconds; None:
             3000 where a core is left beside the engines, else 0. After six empty or interrupted
             polls, that side blocks for 0.1 s, doubling up to 1 s: another process needs the core.
@@ -61,14 +64,17 @@ class PoolConfig(GameConfig):
     """
 
     log_dir: Path | None = None
-    max_restarts: int = setting(0, AT_LEAST_0)
-    is_pinned: bool = True
+    max_restarts: int = setting(DEFAULT_RESTARTS, AT_LEAST_0)
     spin_us: int | None = setting(None, optional(AT_LEAST_0))
     launch: LaunchOptions = field(default_factory=LaunchOptions)
     bridge: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
     @classmethod
     def of(cls, config: GameConfig, **more: Any) -> PoolConfig:
-        """Return the part of a command's settings that concerns its pool, and ``more``."""
+        """Return the part of a command's settings that concerns its pool, and ``more``.
+
+        A command without the setting ``max_restarts`` reports a crash and starts nothing again.
+        """
         names = [part.name for part in fields(cls) if hasattr(config, part.name)]
-        return cls(**{name: getattr(config, name) for name in names} | more)
+        values = {"max_restarts": 0, **{name: getattr(config, name) for name in names}}
+        return cls(**values | more)

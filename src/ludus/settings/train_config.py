@@ -23,7 +23,7 @@ from ludus.settings.checks import (
     setting,
 )
 from ludus.settings.policy_config import Mode, PolicyConfig, PPOConfig, SACConfig
-from ludus.settings.pool_config import GameConfig
+from ludus.settings.pool_config import DEFAULT_RESTARTS, GameConfig
 
 __all__ = ["LeagueConfig", "PPOConfig", "Phase", "PolicyConfig", "SACConfig", "TrainConfig"]
 
@@ -118,7 +118,7 @@ class TrainConfig(GameConfig):
     scene: str | None = None
     num_worlds: int = setting(64, AT_LEAST_1)
     num_engines: int = setting(2, AT_LEAST_1)
-    max_restarts: int = setting(3, AT_LEAST_0)
+    max_restarts: int = setting(DEFAULT_RESTARTS, AT_LEAST_0)
     seed: int | None = setting(None, optional(SEED))
     total_steps: int = setting(2_000_000, AT_LEAST_1)
     max_time_s: float | None = setting(None, optional(ABOVE_0))

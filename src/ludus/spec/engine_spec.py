@@ -136,6 +136,9 @@ class AgentSpec:
     world: int
     path: str | None
 
+    def __str__(self) -> str:
+        return f"world {self.world}, agent {self.path or '(joined later)'}"
+
     def to_json(self) -> dict[str, Any]:
         """Return the object of PROTOCOL.md §4."""
         return {"world": self.world, "path": self.path}

@@ -42,8 +42,7 @@ def check_finite(policies: Mapping[str, PolicySpec], batches: Batches, step: int
             agent = policies[name].agents[row if slots is None else int(slots[row])]
             index = "".join(f"[{i}]" for i in element)
             raise GameError(
-                f"{name}: world {agent.world}, agent {agent.path or '(joined later)'}: "
-                f"{what}{index} is {values[(row, *element)]} at step {step}",
+                f"{name}: {agent}: {what}{index} is {values[(row, *element)]} at step {step}",
                 hint="look for a division by zero or an uninitialised value in the game's script",
             )
 

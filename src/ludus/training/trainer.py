@@ -24,7 +24,7 @@ from ludus.runs.metrics import MetricsLog
 from ludus.runs.random_state import random_state, restore_random_state
 from ludus.runs.run_folder import RunFolder
 from ludus.runs.run_list import StopReason
-from ludus.settings.merging import to_plain
+from ludus.settings.plain import to_plain
 from ludus.settings.policy_config import Mode
 from ludus.settings.train_config import TrainConfig
 from ludus.training.collect import Collector, CollectTimes

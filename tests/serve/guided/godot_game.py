@@ -124,7 +124,7 @@ func _process(_delta: float) -> void:
 
 MAIN = """\
 [gd_scene format=3]
-[ext_resource type="Script" path="res://addons/ludus/ludus_training.gd" id="1"]
+[ext_resource type="Script" path="res://addons/ludus/training/ludus_training.gd" id="1"]
 [ext_resource type="Script" path="res://driver.gd" id="2"]
 [node name="Main" type="Node"]
 [node name="Training" type="Node" parent="."]

@@ -35,7 +35,7 @@ DEADLINE_S = 90.0
 KINDS = [EngineKind.GODOT4, EngineKind.GODOT3]
 # The scene that is trained brings the node itself, and goes on being played without a trainer.
 TRAINING = """\
-[ext_resource type="Script" path="res://addons/ludus/ludus_training.gd" id="2"]
+[ext_resource type="Script" path="res://addons/ludus/training/ludus_training.gd" id="2"]
 [ext_resource type="Script" path="res://life.gd" id="3"]
 [node name="Training" type="Node" parent="."]
 script = ExtResource("2")

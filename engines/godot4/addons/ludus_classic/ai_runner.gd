@@ -6,6 +6,9 @@ extends Node
 ## Rounds are played by [LudusClassicSimulation]s, in the worlds that the trainer asks for; without
 ## a trainer this node has worlds of its own, which stand still unless somebody plays them.
 
+const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
+const LudusTrainingKeys := preload("res://addons/ludus/training/training_keys.gd")
+
 const WORLD_SCENE := "res://addons/ludus_classic/ludus_classic_world.tscn"
 const POLICIES_FOLDER := "AIServerCommFiles"
 const BRIDGE_PATH := ^"/root/Ludus"

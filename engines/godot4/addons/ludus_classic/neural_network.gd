@@ -3,6 +3,8 @@ extends RefCounted
 ## The network of a policy file of godot-ai: dense layers with ReLU between them, packed once and
 ## computed by [LudusPolicyDense].
 
+const LudusPolicyDense := preload("res://addons/ludus/policy/policy_dense.gd")
+
 var _weights: Array
 var _biases: Array
 var _layers: Array[LudusPolicyDense] = []

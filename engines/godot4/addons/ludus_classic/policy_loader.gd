@@ -4,6 +4,9 @@ extends RefCounted
 ## and [code]ludus serve --dialect godot-ai[/code] write it, or [code]NAME.ludus.json[/code], as
 ## the trainer of this add-on does. If both are there, the newer one.
 
+const LudusPolicyDense := preload("res://addons/ludus/policy/policy_dense.gd")
+const LudusPolicyReader := preload("res://addons/ludus/policy/policy_reader.gd")
+
 const FOLDER := "AIServerCommFiles"
 
 var _did_load_policy_data: bool = false

@@ -17,6 +17,7 @@ __all__ = ["AgentAnswer", "BevyRlGame", "Client"]
 
 _OURS = "bevy_ludus/"
 _OK = 200
+_OTHER_VERB = 405
 _ENDED = 503
 _LATE = 504
 _EXCERPT = 300
@@ -50,14 +51,17 @@ class Client:
         self._with_pixels = with_pixels
         self._state_request = conversation.request("GET", "/state")
         self._picture_request = conversation.request("GET", "/visual_observations")
+        self._reset_request = conversation.request("GET", "/reset")
         self._is_ours = conversation.ask(self._state_request, _read_product).startswith(_OURS)
 
     def reset(self) -> list[AgentAnswer]:
         """Begin an episode of all agents; :meth:`observe` is next."""
-        return self._conversation.ask(
-            self._conversation.request("GET", "/reset"),
-            lambda response: _read_agents("/reset", _read_json("/reset", response)),
-        )
+        agents = self._conversation.ask(self._reset_request, _read_reset_or_none)
+        if agents is None:
+            # bevy_rl routes /reset for POST only up to 0.10.0-beta, for GET only from 0.10.0 on.
+            self._reset_request = self._conversation.request("POST", "/reset")
+            agents = self._conversation.ask(self._reset_request, _read_reset)
+        return agents
 
     def observe(self) -> tuple[Any, bytes]:
         """Return state and picture; the picture is empty without pixels."""
@@ -162,6 +166,14 @@ def _check_status(path: str, response: Response) -> None:
     text = f"{path} was answered with status {response.status}: {reason}"
     error = {_LATE: EngineTimeout, _ENDED: EngineCrashed}.get(response.status, GameError)
     raise error(text)
+
+
+def _read_reset_or_none(response: Response) -> list[AgentAnswer] | None:
+    return None if response.status == _OTHER_VERB else _read_reset(response)
+
+
+def _read_reset(response: Response) -> list[AgentAnswer]:
+    return _read_agents("/reset", _read_json("/reset", response))
 
 
 def _read_product(response: Response) -> str:

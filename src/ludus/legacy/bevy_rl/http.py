@@ -6,11 +6,10 @@ this one takes about 15 µs, as it reads of an answer only what matters: status,
 
 from __future__ import annotations
 
-import os
 import re
 from typing import NamedTuple
 
-from ludus.engine import allowed_cores
+from ludus.engine import num_cores
 from ludus.errors import EngineCrashed, EngineStartError, EngineTimeout, ProtocolError
 from ludus.legacy.conversation import Conversation, Patience
 from ludus.legacy.launching import GameWatch
@@ -166,7 +165,7 @@ class HttpConversation(Conversation[Response]):
                 f"nobody listens at http://{host}:{port}: {error.message}",
                 hint="start the program first; bevy_rl listens at http://127.0.0.1:7878",
             ) from error
-        is_alone = (len(allowed_cores() or ()) or os.cpu_count() or 1) == 1
+        is_alone = num_cores() <= 1
         peer = f"the program at http://{host}:{port}"
         return ByteStream(connection, peer, 0.0 if is_alone else _SPIN_S)
 

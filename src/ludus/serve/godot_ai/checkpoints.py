@@ -29,7 +29,7 @@ from ludus.runs.checkpoint import (
 )
 from ludus.runs.run_folder import RunFolder
 from ludus.serve.godot_ai.agent import Agent
-from ludus.settings.merging import to_plain
+from ludus.settings.plain import to_plain
 from ludus.settings.train_config import TrainConfig
 
 __all__ = ["AgentCheckpoints"]

@@ -1,0 +1,82 @@
+"""The documentation site: ``make docs`` builds it from these pages into ``build/docs``."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+from sphinx.application import Sphinx
+
+from ludus.version import __version__
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))
+
+from _reference import write_command_pages, write_gdscript_pages  # noqa: E402
+
+project = "Ludus"
+author = "the Ludus developers"
+release = version = __version__
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+exclude_patterns = ["_*"]
+# Blocks with an ellipsis for what is left out are coloured as far as they can be read.
+suppress_warnings = ["misc.highlighting_failure"]
+
+html_theme = "furo"
+html_title = f"Ludus {__version__}"
+html_static_path = ["_static"]
+html_css_files = ["ludus.css"]
+
+myst_enable_extensions = ["colon_fence", "deflist"]
+myst_heading_anchors = 3
+
+autodoc_member_order = "bysource"
+autodoc_default_options = {"members": True, "show-inheritance": True}
+
+OUTSIDE = {
+    "protocol": "protocol/PROTOCOL.md",
+    "policy_files": "protocol/POLICY.md",
+    "changelog": "CHANGELOG.md",
+    "contributing": "CONTRIBUTING.md",
+    "index": "README.md",
+}
+"""Pages of the site, and the files outside this folder that GitHub shows in their place."""
+
+
+def _read_page(_app: Sphinx, page: str, source: list[str]) -> None:
+    """Make a page that reads well on GitHub one of the site.
+
+    Links to files outside this folder lead to their pages in the site, or become plain text;
+    languages of code blocks lose what only rustdoc understands.
+    """
+    folder = HERE
+    if page in OUTSIDE and page != "index":
+        file = HERE.parent / OUTSIDE[page]
+        source[0], folder = file.read_text(encoding="utf-8"), file.parent
+    pages = {(HERE.parent / file).resolve(): name for name, file in OUTSIDE.items()}
+
+    def lead(link: re.Match[str]) -> str:
+        path, anchor = link[2], link[3] or ""
+        target = (folder / path).resolve()
+        if target in pages:
+            # The front page of the site is not the README, and has none of its headings.
+            return f"[{link[1]}]({pages[target]}.md{'' if pages[target] == 'index' else anchor})"
+        if target.is_relative_to(HERE):
+            return f"[{link[1]}]({target.relative_to(HERE).as_posix()}{anchor})"
+        return link[1]
+
+    if folder != HERE or "](../" in source[0]:
+        source[0] = re.sub(r"\[([^\]]*)\]\(([\w./-]+)(#[\w-]+)?\)", lead, source[0])
+    source[0] = re.sub(r"^```rust,\w+$", "```rust", source[0], flags=re.MULTILINE)
+
+
+def _generate(_app: Sphinx) -> None:
+    write_command_pages(HERE / "reference" / "commands")
+    write_gdscript_pages(HERE / "reference" / "gdscript")
+
+
+def setup(app: Sphinx) -> None:
+    """Generate the reference before pages are read."""
+    app.connect("builder-inited", _generate)
+    app.connect("source-read", _read_page)

@@ -1,0 +1,192 @@
+@tool
+@icon("res://addons/ludus/icons/ludus_agent.svg")
+class_name LudusAgent
+extends Node
+## Makes a node of the game an agent.
+##
+## Put it under the node that has the five methods [code]apply_action(action)[/code],
+## [code]get_observation()[/code], [code]get_reward()[/code], [code]is_done()[/code] and
+## [code]reset()[/code] (or point [member target_path] at it); or extend this script and write the
+## methods there. Optional methods: [code]get_action_mask() -> PackedByteArray[/code],
+## [code]is_truncated() -> bool[/code], and [code]get_manual_action()[/code], which lets a person
+## play while no trainer is there.[br][br]
+## An action arrives as an [int] (one choice), a [PackedInt64Array] (several choices), a
+## [PackedFloat32Array] (numbers), or a dictionary of component name to [int] or
+## [PackedFloat32Array] (both kinds). An observation is a flat array of numbers, or a dictionary of
+## entry name to array or [Image].
+
+## When an action is handed to the game.
+enum ActionTiming {
+	EVERY_TICK,  ## In every tick of the step.
+	ONCE,  ## In the first tick of the step.
+}
+
+const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
+
+const GROUP_NAME := &"ludus_agents"
+const REQUIRED_METHODS: Array[StringName] = [
+	&"apply_action", &"get_observation", &"get_reward", &"is_done", &"reset"
+]
+
+## Goes up whenever an agent comes, goes, or is to be played by something else.
+static var num_changes: int = 0
+
+## Agents with one policy name share a network.
+@export var policy_name: String = "agent"
+## The node that has the five methods; empty: the parent.
+@export var target_path: NodePath
+## What the agent sees. Empty: taken from the first observation, as float32 without bounds.
+@export var observation: Array[LudusObservationEntry] = []
+## What the agent decides.
+@export var action: Array[LudusActionComponent] = []
+## Physics ticks per decision; the same for all agents of the game.
+@export_range(1, 1000) var ticks_per_step: int = 2
+## Whether the game gets the action in every tick of a step or only in the first.
+@export var action_timing: ActionTiming = ActionTiming.EVERY_TICK
+## Steps after which an episode is cut off (truncated); 0: never.
+@export_range(0, 1000000, 1, "or_greater") var max_episode_steps: int = 0
+## Whether the game has [code]get_action_mask()[/code], one byte per alternative, 1 = allowed.
+@export var has_action_mask: bool = false
+## An agent that is not enabled takes no part.
+@export var enabled: bool = true:
+	set(value):
+		enabled = value
+		num_changes += 1
+## Training settings of the policy; null: the trainer's choice.
+@export var settings: LudusPolicySettings
+@export_group("Play")
+## The trained policy that plays the agent while no trainer is there.
+@export var policy: LudusPolicy:
+	set(value):
+		policy = value
+		num_changes += 1
+		update_configuration_warnings()
+## Whether the policy draws its actions, as in training, instead of taking the most probable ones.
+@export var is_sampling: bool = false
+
+## What has the five methods: a node, or the seat of an agent of a [LudusSimulation].
+var target: Object
+## The world this agent lives in.
+var world: LudusWorld
+## Steps since the episode began.
+var episode_steps: int:
+	get:
+		return _batch.episode_steps(_slot) if _batch != null else _manual_steps
+	set(value):
+		_manual_steps = value
+
+var _batch: LudusPolicyBatch
+var _slot: int = -1
+var _manual_steps: int = 0
+
+
+func _enter_tree() -> void:
+	add_to_group(GROUP_NAME)
+	num_changes += 1
+	var own_world := LudusWorld.find_above(self)
+	if own_world != null:
+		own_world.newcomers.append(self)
+		LudusWorld.has_newcomers = true
+
+
+func _exit_tree() -> void:
+	LudusWorld.has_leavers = true
+	num_changes += 1
+
+
+## Finds target and world. Returns what is wrong with the agent, or an empty text.
+func connect_to_game() -> String:
+	target = _find_target()
+	if target == null:
+		return "target_path %s leads nowhere" % target_path
+	for method: StringName in REQUIRED_METHODS:
+		if not target.has_method(method):
+			return "%s has no method %s()" % [_describe(target), method]
+	if has_action_mask and not target.has_method(&"get_action_mask"):
+		return "has_action_mask is on, but %s has no method get_action_mask()" % _describe(target)
+	if action.is_empty():
+		return "no action is declared: add a LudusActionComponent to `action`"
+	world = LudusWorld.of(self)
+	return ""
+
+
+## Tells the agent which batch counts its steps.
+func join_batch(batch: LudusPolicyBatch, slot: int) -> void:
+	_batch = batch
+	_slot = slot
+
+
+## Whether the agent is about to leave the scene.
+func is_leaving() -> bool:
+	return (
+		is_queued_for_deletion()
+		or target.is_queued_for_deletion()
+		or world.root.is_queued_for_deletion()
+	)
+
+
+## Whether the game has [code]is_truncated()[/code].
+func has_truncation() -> bool:
+	return target.has_method(&"is_truncated")
+
+
+## Whether the game has [code]get_manual_action()[/code].
+func has_manual_action() -> bool:
+	return target.has_method(&"get_manual_action")
+
+
+## Path inside the world, for messages.
+func path_in_world() -> String:
+	var own_world := world if world != null else LudusWorld.find_above(self)
+	return str(own_world.root.get_path_to(self)) if own_world != null else str(get_path())
+
+
+func _find_target() -> Object:
+	if has_method(REQUIRED_METHODS[0]):
+		return self
+	return get_parent() if target_path.is_empty() else get_node_or_null(target_path)
+
+
+func _describe(node: Object) -> String:
+	var script: Script = node.get_script()
+	return "%s (%s)" % [node.name, script.resource_path if script != null else node.get_class()]
+
+
+func _get_configuration_warnings() -> PackedStringArray:
+	var warnings := PackedStringArray()
+	if policy_name.is_empty():
+		warnings.append("policy_name is empty.")
+	if action.is_empty():
+		warnings.append("No action is declared: add a LudusActionComponent to `action`.")
+	if action.has(null) or observation.has(null):
+		warnings.append("`action` or `observation` has an empty item.")
+	for component: LudusActionComponent in action:
+		if component != null and not component.is_valid():
+			warnings.append("Action %s: low must be below high, n at least 1." % component.name)
+	var misfit := policy.misfit(self) if policy != null else ""
+	if not misfit.is_empty():
+		warnings.append("The policy does not fit: %s." % misfit)
+	var node := _find_target()
+	if node == null:
+		warnings.append("target_path leads nowhere.")
+	elif node != self and node.get_script() == null:
+		warnings.append("%s has no script with the five methods." % node.name)
+	elif node.get_script() != null:
+		warnings.append_array(_method_warnings(node.get_script()))
+	return warnings
+
+
+func _method_warnings(script: Script) -> PackedStringArray:
+	var names: Array[StringName] = []
+	var base := script
+	while base != null:
+		for method: Dictionary in base.get_script_method_list():
+			names.append(StringName(str(method["name"])))
+		base = base.get_base_script()
+	var warnings := PackedStringArray()
+	for method: StringName in REQUIRED_METHODS:
+		if method not in names:
+			warnings.append("The target has no method %s()." % method)
+	if has_action_mask and &"get_action_mask" not in names:
+		warnings.append("has_action_mask is on, but the target has no method get_action_mask().")
+	return warnings

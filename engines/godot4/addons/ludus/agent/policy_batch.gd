@@ -1,0 +1,347 @@
+extends RefCounted
+## All agents of one policy in slots: hands out their actions, puts their observations together.
+##
+## This is the hot path: packed arrays, no text, no dictionary unless the game itself uses one.
+
+const LudusLostTarget := preload("res://addons/ludus/agent/lost_target.gd")
+const LudusPolicyLayout := preload("res://addons/ludus/agent/policy_layout.gd")
+const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
+
+## Name of the policy.
+var policy_name: String
+## What all agents have in common.
+var layout: LudusPolicyLayout
+## The agent in each slot; null in a free slot.
+var agents: Array[LudusAgent] = []
+## Which slots act on the observation that is sent next.
+var active: PackedByteArray = []
+## Slots whose episode ended in the last step.
+var final_slots: PackedInt32Array = []
+## What is wrong with the game, or an empty text. Set once; the run fails with it.
+var error: String = ""
+
+## The nodes that have the five methods, beside [member agents].
+var _targets: Array[Object] = []
+## Numbers in an observation that is one float32 entry; -1 if it is more than that.
+var _flat_size: int = -1
+var _lost: LudusLostTarget
+var _slot_worlds: PackedInt32Array = []
+var _discrete: PackedInt64Array = []
+var _continuous: PackedFloat32Array = []
+var _steps: PackedInt32Array = []
+var _rewards: PackedFloat32Array = []
+var _terminated: PackedByteArray = []
+var _truncated: PackedByteArray = []
+var _final_parts: Array[PackedByteArray] = []
+
+
+## Takes the agents of all worlds in slot order, null for a spare slot, and the world of each slot;
+## the rest is for [LudusPolicyLayout].
+func _init(
+	name: String,
+	members: Array[LudusAgent],
+	worlds: PackedInt32Array,
+	max_steps_override: int,
+	known_entries: Array[LudusObservationEntry] = []
+) -> void:
+	policy_name = name
+	_slot_worlds = worlds
+	layout = LudusPolicyLayout.new(members[0], max_steps_override, known_entries)
+	error = layout.error
+	_lost = LudusLostTarget.new(layout.entries)
+	if layout.is_flat():
+		_flat_size = layout.entries[0].size()
+	replace_agents(members)
+
+
+## Describes the policy for the handshake (PROTOCOL.md §4).
+func to_json(agents_per_world: int) -> Dictionary:
+	var slots: Array[Dictionary] = []
+	for slot: int in agents.size():
+		var path: Variant = agents[slot].path_in_world() if agents[slot] != null else null
+		slots.append({"world": _slot_worlds[slot], "path": path})
+	var description := layout.to_json()
+	description["name"] = policy_name
+	description["num_agents"] = agents.size()
+	description["agents_per_world"] = agents_per_world
+	description["agents"] = slots
+	return description
+
+
+## Fills all slots anew, as at the beginning. Returns false if the number of agents has changed.
+func replace_agents(members: Array[LudusAgent]) -> bool:
+	if not agents.is_empty() and members.size() != agents.size():
+		return false
+	var num := members.size()
+	agents.resize(num)
+	_targets.resize(num)
+	_steps.resize(num)
+	active.resize(num)
+	for slot: int in num:
+		set_agent(slot, members[slot])
+	clear_outcomes()
+	return true
+
+
+## Puts an agent into a slot, not yet active; null frees the slot.
+func set_agent(slot: int, agent: LudusAgent) -> void:
+	agents[slot] = agent
+	active[slot] = 0
+	_steps[slot] = 0
+	_targets[slot] = _lost
+	if agent != null:
+		_targets[slot] = agent.target
+		agent.join_batch(self, slot)
+
+
+## Makes the agent of a slot act from the next observation on.
+func activate(slot: int) -> void:
+	active[slot] = 1
+	_steps[slot] = 0
+
+
+## Steps since the episode of a slot began.
+func episode_steps(slot: int) -> int:
+	return _steps[slot]
+
+
+## Replaces agents that have left the scene by stand-ins, which end in this step.
+func drop_leavers() -> void:
+	for slot: int in agents.size():
+		var agent: Variant = agents[slot]
+		if not is_instance_valid(agent) or not (agent as LudusAgent).is_inside_tree():
+			agents[slot] = null
+			_targets[slot] = _lost
+
+
+## Number of bytes of this policy's part of a [code]STEP[/code].
+func action_bytes() -> int:
+	return layout.action_bytes(agents.size())
+
+
+## Adds a free slot and returns it.
+func add_slot() -> int:
+	var slot := agents.size()
+	agents.append(null)
+	_targets.append(_lost)
+	_steps.append(0)
+	active.append(0)
+	_slot_worlds.append(0)
+	return slot
+
+
+## Reward of a slot in the last step.
+func reward(slot: int) -> float:
+	return _rewards[slot]
+
+
+## Reads the actions from a [code]STEP[/code] at [param offset] and hands them to the game. Returns
+## the offset of what follows.
+func apply_actions(payload: PackedByteArray, offset: int) -> int:
+	var num := agents.size()
+	var middle := offset + layout.discrete_bytes(num)
+	set_actions(
+		payload.slice(offset, offset + num * layout.num_discrete * 8).to_int64_array(),
+		payload.slice(middle, middle + num * layout.continuous_size * 4).to_float32_array()
+	)
+	return middle + LudusWire.padded(num * layout.continuous_size * 4)
+
+
+## Hands actions of all slots to the game.
+func set_actions(discrete: PackedInt64Array, continuous: PackedFloat32Array) -> void:
+	_discrete = discrete
+	_continuous = continuous
+	_apply()
+
+
+## Hands the game the same actions again, in the later ticks of a step.
+func repeat_actions() -> void:
+	if layout.is_every_tick:
+		_apply()
+
+
+## Collects what the last step brought: rewards, ends of episodes and final observations. Agents
+## whose episode has ended are left inactive; [LudusGame] begins the next one.
+func collect_outcomes() -> void:
+	clear_outcomes()
+	var limit := layout.max_steps if layout.max_steps > 0 else 1 << 62
+	var has_truncation := layout.has_truncation
+	for slot: int in _targets.size():
+		if active[slot] == 0:
+			continue
+		var target := _targets[slot]
+		var steps := _steps[slot] + 1
+		_steps[slot] = steps
+		_rewards[slot] = target.get_reward()
+		if target.is_done():
+			_terminated[slot] = 1
+			_end(slot)
+		elif steps >= limit or (has_truncation and target.is_truncated()):
+			_truncated[slot] = 1
+			_end(slot)
+
+
+## Forgets the outcomes of the last step.
+func clear_outcomes() -> void:
+	var num := agents.size()
+	_rewards.resize(num)
+	_rewards.fill(0.0)
+	_terminated.resize(num)
+	_terminated.fill(0)
+	_truncated.resize(num)
+	_truncated.fill(0)
+	final_slots.clear()
+	_final_parts.clear()
+	for i: int in layout.entries.size():
+		_final_parts.append(PackedByteArray())
+
+
+## Appends this policy's part of a [code]BATCH[/code] (PROTOCOL.md §7), without final observations.
+func append_to(frame: PackedByteArray) -> void:
+	append_observations(frame)
+	frame.append_array(_rewards.to_byte_array())
+	LudusWire.pad(frame)
+	for flags: PackedByteArray in [_terminated, _truncated, active]:
+		frame.append_array(flags)
+		LudusWire.pad(frame)
+	if layout.has_action_mask:
+		append_masks(frame)
+
+
+## Appends the entries of what all slots observe, one after the other, each padded.
+func append_observations(frame: PackedByteArray) -> void:
+	if _flat_size >= 0:
+		_append_flat(frame)
+	else:
+		_append_entries(frame)
+
+
+## Appends the action masks of all slots; inactive slots may do everything.
+func append_masks(frame: PackedByteArray) -> void:
+	var free := PackedByteArray()
+	free.resize(layout.mask_size)
+	free.fill(1)
+	for slot: int in _targets.size():
+		var mask: Variant = _targets[slot].get_action_mask() if active[slot] == 1 else free
+		if mask is not PackedByteArray or len(mask) != layout.mask_size:
+			_fail(slot, "get_action_mask()", "%d bytes" % layout.mask_size, mask)
+			mask = free
+		frame.append_array(mask)
+	LudusWire.pad(frame)
+
+
+## Appends this policy's final observations (PROTOCOL.md §7).
+func append_final_to(frame: PackedByteArray) -> void:
+	var head := frame.size()
+	frame.resize(head + 8)
+	frame.encode_u32(head, final_slots.size())
+	if final_slots.is_empty():
+		return
+	frame.append_array(final_slots.to_byte_array())
+	LudusWire.pad(frame)
+	for part: PackedByteArray in _final_parts:
+		frame.append_array(part)
+		LudusWire.pad(frame)
+
+
+## Plays one step with random actions, as the ceiling that [code]run_ceiling[/code] measures: all
+## that the game itself does, nothing of the bridge.
+func play_randomly(rng: RandomNumberGenerator) -> void:
+	var limit := layout.max_steps if layout.max_steps > 0 else 1 << 62
+	for slot: int in _targets.size():
+		var target := _targets[slot]
+		active[slot] = int(target != _lost)
+		if target == _lost:
+			continue
+		_steps[slot] += 1
+		target.get_reward()
+		if target.is_done() or _steps[slot] >= limit:
+			_steps[slot] = 0
+			agents[slot].world.begin_episode()
+			target.reset()
+		target.get_observation()
+	var num := agents.size()
+	set_actions(layout.random_choices(num, rng), layout.random_numbers(num, rng))
+
+
+func _apply() -> void:
+	if layout.num_discrete == 1 and layout.continuous_size == 0:
+		for slot: int in _targets.size():
+			if active[slot] == 1:
+				_targets[slot].apply_action(_discrete[slot])
+		return
+	for slot: int in _targets.size():
+		if active[slot] == 1:
+			_targets[slot].apply_action(layout.action_of(slot, _discrete, _continuous))
+
+
+func _end(slot: int) -> void:
+	active[slot] = 0
+	final_slots.append(slot)
+	var value: Variant = _targets[slot].get_observation()
+	if value is PackedFloat32Array and (value as PackedFloat32Array).size() == _flat_size:
+		_final_parts[0].append_array((value as PackedFloat32Array).to_byte_array())
+		return
+	for i: int in layout.entries.size():
+		_final_parts[i].append_array(_entry_bytes(slot, layout.entries[i], value))
+
+
+func _append_flat(frame: PackedByteArray) -> void:
+	var numbers := PackedFloat32Array()
+	var entry := layout.entries[0]
+	var size := _flat_size
+	for slot: int in _targets.size():
+		if active[slot] == 0:
+			numbers.resize(numbers.size() + size)
+			continue
+		var value: Variant = _targets[slot].get_observation()
+		if value is PackedFloat32Array and (value as PackedFloat32Array).size() == size:
+			numbers.append_array(value)
+		else:
+			numbers.append_array(_entry_bytes(slot, entry, value).to_float32_array())
+	frame.append_array(numbers.to_byte_array())
+	LudusWire.pad(frame)
+
+
+func _append_entries(frame: PackedByteArray) -> void:
+	var values: Array[Variant] = []
+	for slot: int in _targets.size():
+		values.append(_targets[slot].get_observation() if active[slot] == 1 else null)
+	for entry: LudusObservationEntry in layout.entries:
+		var num_bytes := entry.num_bytes()
+		for slot: int in _targets.size():
+			if active[slot] == 1:
+				frame.append_array(_entry_bytes(slot, entry, values[slot]))
+			else:
+				frame.resize(frame.size() + num_bytes)
+		LudusWire.pad(frame)
+
+
+## Bytes of one entry of what the game returned; zeros after noting the error if it does not fit.
+func _entry_bytes(slot: int, entry: LudusObservationEntry, value: Variant) -> PackedByteArray:
+	var part: Variant = value
+	if value is Dictionary:
+		part = (value as Dictionary).get(entry.name)
+	elif layout.entries.size() > 1:
+		part = null
+	var bytes := entry.to_bytes(part)
+	if bytes.is_empty():
+		_fail(slot, 'observation["%s"]' % entry.name, "%d numbers" % entry.size(), part)
+		bytes.resize(entry.num_bytes())
+	return bytes
+
+
+func _fail(slot: int, what: String, expected: String, got: Variant) -> void:
+	if not error.is_empty():
+		return
+	var found := type_string(typeof(got))
+	if typeof(got) >= TYPE_ARRAY:
+		found += " of %d" % len(got)
+	error = "%s: %s: expected %s, got %s" % [_where(slot), what, expected, found]
+
+
+func _where(slot: int) -> String:
+	var agent := agents[slot]
+	if agent == null:
+		return "policy %s, slot %d" % [policy_name, slot]
+	return "world %d, agent %s, step %d" % [agent.world.index, agent.path_in_world(), _steps[slot]]

@@ -1,0 +1,97 @@
+extends RefCounted
+## One method call by name (PROTOCOL.md §8).
+
+const LudusCeiling := preload("res://addons/ludus/bridge/ceiling.gd")
+const LudusGame := preload("res://addons/ludus/world/game.gd")
+const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
+const LudusTrainingStatus := preload("res://addons/ludus/training/training_status.gd")
+const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
+
+const CEILING_METHOD := "run_ceiling"
+const TAKE_REQUESTS_METHOD := "take_requests"
+const SHOW_STATUS_METHOD := "show_status"
+const STAND_BY_METHOD := "stand_by"
+
+var _message: Dictionary = {}
+
+
+func _init(payload: PackedByteArray) -> void:
+	var message: Variant = LudusWire.read_json(payload)
+	if message != null:
+		_message = message
+
+
+## Whether the add-on itself is asked to measure the ceiling.
+func is_ceiling() -> bool:
+	return is_for_bridge() and _message.get("method") == CEILING_METHOD
+
+
+## Whether the game is told to go on by itself.
+func is_stand_by() -> bool:
+	return is_for_bridge() and _message.get("method") == STAND_BY_METHOD
+
+
+## The answer to a call that has nothing to return.
+func answer_nothing() -> PackedByteArray:
+	var result := {"id": int(_message.get("id", 0)), "value": null}
+	return LudusWire.json_frame(LudusWire.Type.RESULT, result)
+
+
+## Whether the add-on itself is called.
+func is_for_bridge() -> bool:
+	return is_same(_target().get("bridge"), true)
+
+
+## Calls a method of the add-on and returns the frame with its result.
+func answer_for_bridge(requests: LudusRequests, status: LudusTrainingStatus) -> PackedByteArray:
+	var result := {"id": int(_message.get("id", 0))}
+	var arguments := _arguments()
+	var method := str(_message.get("method", ""))
+	if method == TAKE_REQUESTS_METHOD:
+		result["value"] = requests.take()
+	elif method != SHOW_STATUS_METHOD:
+		result["error"] = "the add-on has no method %s" % method
+	elif arguments.size() != 1 or arguments[0] is not Dictionary:
+		result["error"] = "%s takes one object" % method
+	else:
+		status.take_in(arguments[0])
+		result["value"] = null
+	return LudusWire.json_frame(LudusWire.Type.RESULT, result)
+
+
+## Starts that measurement.
+func make_ceiling(game: LudusGame) -> LudusCeiling:
+	var arguments := _arguments()
+	var num_steps := int(arguments[0]) if arguments.size() > 0 else 1
+	var seed_value := int(arguments[1]) if arguments.size() > 1 else 0
+	return LudusCeiling.new(game, int(_message.get("id", 0)), num_steps, seed_value)
+
+
+## Makes the call and returns the frame with its result.
+func answer(game: LudusGame) -> PackedByteArray:
+	var result := {"id": int(_message.get("id", 0))}
+	var method := str(_message.get("method", ""))
+	var callee := game.find_target(_target())
+	if callee == null:
+		result["error"] = "there is no world or agent %s" % JSON.stringify(_target())
+	elif not callee.has_method(method):
+		result["error"] = "%s has no method %s" % [_name_of(callee), method]
+	else:
+		result["value"] = callee.callv(method, _arguments())
+	return LudusWire.json_frame(LudusWire.Type.RESULT, result)
+
+
+static func _name_of(callee: Object) -> String:
+	if callee is Node:
+		return str((callee as Node).name)
+	return (callee.get_script() as Script).resource_path
+
+
+func _target() -> Dictionary:
+	var target: Variant = _message.get("target", {})
+	return target if target is Dictionary else {}
+
+
+func _arguments() -> Array:
+	var arguments: Variant = _message.get("arguments", [])
+	return arguments if arguments is Array else []

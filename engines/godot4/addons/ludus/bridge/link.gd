@@ -1,0 +1,250 @@
+extends RefCounted
+## A blocking connection to the trainer that carries whole frames.
+##
+## A read has no time limit of its own in Godot; a thread beside it ends the process when the
+## deadline has passed, or when the process that started the game is gone.
+
+const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
+
+const CONNECT_POLL_MS := 5
+const WAIT_POLL_US := 300
+const WATCH_INTERVAL_MS := 100
+const FRAME_TIMEOUT_MS := 30000
+## Between one look and the next it takes so long only if the core was taken away meanwhile.
+const AWAY_US := 1000
+## So many lost looks within [constant LOST_WITHIN_US] mean nothing: updates, other work.
+const MAX_LOST := 5
+const LOST_WITHIN_US := 100000
+## How long nobody looks then; twice as long each time that the core is soon lost again.
+const FIRST_RESPITE_US := 100000
+const LONGEST_RESPITE_US := 1000000
+
+## Type of the frame that [method receive] read.
+var type: int = LudusWire.Type.NONE
+## Payload of the frame that [method receive] read.
+var payload: PackedByteArray
+## Why the last call failed; empty if the other side simply closed.
+var error: String = ""
+## Milliseconds the trainer may stay silent between requests; 0: for ever.
+var idle_timeout_ms: int = 0
+## Microseconds for which [method receive] looks again and again before it sleeps. Waking up costs
+## tens of microseconds and cold caches, where a core is free for looking.
+var spin_us: int = 0
+## Whether the other side is on this machine.
+var is_local: bool = true
+
+var _stream: StreamPeer
+var _watch: Thread
+var _mutex := Mutex.new()
+var _deadline_ms: int = 0
+var _respite_us: int = 0
+var _respite_until_us: int = 0
+var _lost_since_us: int = 0
+var _num_lost: int = 0
+var _is_closing: bool = false
+var _parent_path: String = ""
+
+
+## Connects to the first of some addresses that answers within [param timeout_ms] milliseconds.
+func connect_to(addresses: PackedStringArray, timeout_ms: int) -> bool:
+	for address: String in addresses:
+		_stream = _open(address)
+		if _stream != null and _await_connection(timeout_ms):
+			is_local = address.begins_with("unix:") or _is_loopback(address)
+			return true
+	error = "no trainer answers at %s" % ", ".join(addresses)
+	_stream = null
+	return false
+
+
+## Listens at a TCP address until a trainer connects.
+func listen_at(address: String, timeout_ms: int) -> bool:
+	var server := TCPServer.new()
+	var host := _host(address)
+	if server.listen(_port(address), host) != OK:
+		error = "cannot listen at %s" % address
+		return false
+	is_local = _is_loopback(address)
+	var deadline := Time.get_ticks_msec() + timeout_ms
+	while not server.is_connection_available():
+		if Time.get_ticks_msec() > deadline:
+			error = "no trainer connected to %s within %d s" % [address, timeout_ms / 1000]
+			return false
+		OS.delay_msec(CONNECT_POLL_MS)
+	var stream := server.take_connection()
+	stream.set_no_delay(true)
+	_stream = stream
+	server.stop()
+	return true
+
+
+## Starts the thread that enforces deadlines and, where the system shows processes as files, ends
+## this process when [param parent_pid] is gone.
+func watch(parent_pid: int) -> void:
+	if parent_pid > 0 and DirAccess.dir_exists_absolute("/proc/%d" % parent_pid):
+		_parent_path = "/proc/%d" % parent_pid
+	_watch = Thread.new()
+	_watch.start(_enforce_deadlines)
+
+
+## Sends a whole frame. Returns false if the connection has ended.
+func send(frame: PackedByteArray) -> bool:
+	return _stream.put_data(frame) == OK
+
+
+## Waits until something has come, or the connection has ended, for at most [param timeout_ms]
+## milliseconds. Returns whether that is so: then [method receive] does not wait for long.
+func wait_for_data(timeout_ms: int) -> bool:
+	_spin()
+	var deadline := Time.get_ticks_msec() + timeout_ms
+	while _stream.get_available_bytes() == 0:
+		_stream.call(&"poll")
+		if _stream.call(&"get_status") != StreamPeerTCP.STATUS_CONNECTED:
+			return true
+		if Time.get_ticks_msec() >= deadline:
+			return false
+		OS.delay_usec(WAIT_POLL_US)
+	return true
+
+
+## Reads one frame into [member type] and [member payload]. Returns false if the connection has
+## ended or the frame is not allowed.
+func receive() -> bool:
+	error = ""
+	_set_deadline(idle_timeout_ms)
+	_spin()
+	var header := _read(LudusWire.HEADER_BYTES)
+	if header.is_empty():
+		return false
+	type = header[4]
+	var num_bytes := header.decode_u32(0)
+	if num_bytes > LudusWire.max_payload_bytes(type):
+		error = "frame of type %d with %d bytes is not allowed" % [type, num_bytes]
+		return false
+	if header[5] != 0 or header.decode_u16(6) != 0:
+		error = "frame of type %d with flags is of another version" % type
+		return false
+	payload = PackedByteArray()
+	if num_bytes > 0:
+		_set_deadline(FRAME_TIMEOUT_MS)
+		payload = _read(num_bytes)
+	_set_deadline(0)
+	return payload.size() == num_bytes
+
+
+## Closes the connection and ends the thread.
+func close() -> void:
+	_mutex.lock()
+	_is_closing = true
+	_mutex.unlock()
+	if _watch != null:
+		_watch.wait_to_finish()
+		_watch = null
+	if _stream != null and _stream.has_method(&"disconnect_from_host"):
+		_stream.call(&"disconnect_from_host")
+	_stream = null
+
+
+func _open(address: String) -> StreamPeer:
+	if address.begins_with("unix:"):
+		return _open_unix(address.trim_prefix("unix:"))
+	var stream := StreamPeerTCP.new()
+	var host := _host(address)
+	if stream.connect_to_host("127.0.0.1" if host == "localhost" else host, _port(address)) != OK:
+		return null
+	return stream
+
+
+## Unix sockets came with Godot 4.6; older engines go on to the next address.
+func _open_unix(path: String) -> StreamPeer:
+	if not ClassDB.can_instantiate(&"StreamPeerUDS"):
+		return null
+	var stream: StreamPeer = ClassDB.instantiate(&"StreamPeerUDS")
+	return stream if stream.call(&"connect_to_host", path) == OK else null
+
+
+func _await_connection(timeout_ms: int) -> bool:
+	var deadline := Time.get_ticks_msec() + timeout_ms
+	while true:
+		_stream.call(&"poll")
+		var status: int = _stream.call(&"get_status")
+		if status == StreamPeerTCP.STATUS_CONNECTED:
+			if _stream is StreamPeerTCP:
+				(_stream as StreamPeerTCP).set_no_delay(true)
+			return true
+		if status != StreamPeerTCP.STATUS_CONNECTING or Time.get_ticks_msec() > deadline:
+			return false
+		OS.delay_msec(CONNECT_POLL_MS)
+	return false
+
+
+func _spin() -> void:
+	var now := Time.get_ticks_usec()
+	if spin_us == 0 or now < _respite_until_us:
+		return
+	var end := now + spin_us
+	var was_away := false
+	while now < end and _stream.get_available_bytes() == 0:
+		var before := now
+		now = Time.get_ticks_usec()
+		if now - before > AWAY_US:
+			was_away = true
+	if was_away or now >= end:
+		_note_lost(now)
+
+
+## Leaves the core alone for a while if looks often find nothing, or lose the core meanwhile:
+## somebody else needs it, perhaps the very process that is waited for.
+func _note_lost(now: int) -> void:
+	if now - _lost_since_us > LOST_WITHIN_US:
+		_lost_since_us = now
+		_num_lost = 0
+	_num_lost += 1
+	if _num_lost > MAX_LOST:
+		var is_soon := now - _respite_until_us < LONGEST_RESPITE_US
+		var longer := 2 * _respite_us if is_soon else 0
+		_respite_us = clampi(longer, FIRST_RESPITE_US, LONGEST_RESPITE_US)
+		_respite_until_us = now + _respite_us
+
+
+func _read(num_bytes: int) -> PackedByteArray:
+	var result: Array = _stream.get_data(num_bytes)
+	if result[0] != OK:
+		return PackedByteArray()
+	return result[1]
+
+
+func _set_deadline(timeout_ms: int) -> void:
+	_mutex.lock()
+	_deadline_ms = Time.get_ticks_msec() + timeout_ms if timeout_ms > 0 else 0
+	_mutex.unlock()
+
+
+func _enforce_deadlines() -> void:
+	while true:
+		OS.delay_msec(WATCH_INTERVAL_MS)
+		_mutex.lock()
+		var is_over := _deadline_ms > 0 and Time.get_ticks_msec() > _deadline_ms
+		var is_closing := _is_closing
+		_mutex.unlock()
+		if is_closing:
+			return
+		if is_over:
+			printerr("ludus: the trainer was silent for too long; the game quits")
+			OS.kill(OS.get_process_id())
+		if not _parent_path.is_empty() and not DirAccess.dir_exists_absolute(_parent_path):
+			OS.kill(OS.get_process_id())
+
+
+static func _host(address: String) -> String:
+	var rest := address.trim_prefix("tcp:")
+	return rest.substr(0, rest.rfind(":")).trim_prefix("[").trim_suffix("]")
+
+
+static func _port(address: String) -> int:
+	return address.substr(address.rfind(":") + 1).to_int()
+
+
+static func _is_loopback(address: String) -> bool:
+	var host := _host(address)
+	return host == "localhost" or host == "::1" or host.begins_with("127.")

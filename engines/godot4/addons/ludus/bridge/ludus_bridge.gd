@@ -1,0 +1,432 @@
+@icon("res://addons/ludus/icons/ludus_bridge.svg")
+class_name LudusBridge
+extends Node
+## Joins the game with a trainer: connects, then lets exactly the asked number of ticks pass between
+## two messages.
+##
+## The plugin makes it the autoload "Ludus". Without a trainer the game simply plays. In training
+## it runs first in every tick and blocks until the next request; when the trainer goes away, the
+## game quits.
+
+## Emitted when a trainer has connected and the worlds stand.
+signal training_started(num_worlds: int)
+## Emitted a few times a second while training runs. [param status] holds [code]agent_steps[/code],
+## [code]updates[/code] and [code]policies[/code]: by name, [code]mode[/code] (a word) and
+## [code]mean_return[/code] (a number, or null as long as there is none).
+signal training_status(status: Dictionary)
+## Emitted when the trainer has put a policy into another mode, and once at the start.
+signal policy_mode_changed(policy: String, mode: PolicyMode)
+
+## What the bridge does in the next tick.
+enum Phase {
+	START,  ## Look for a trainer.
+	MANUAL,  ## No trainer: people play.
+	STEPPING,  ## The ticks of a step pass.
+	HELD,  ## Everything is paused for one frame, so that new nodes join the loop.
+	SETTLING,  ## Some worlds tick alone before they are observed.
+	CEILING,  ## Random play inside the engine.
+	WAITING,  ## The trainer is silent: frames pass, worlds stand still. Only in a guiding game.
+	STANDING_BY,  ## The game goes on by itself until the trainer wants something.
+	ENDED,  ## The game quits.
+}
+
+## How a policy takes part in training.
+enum PolicyMode {
+	TRAIN,  ## It learns.
+	FROZEN,  ## It acts as in training, with chance, and learns nothing.
+	DETERMINISTIC,  ## It takes its most probable action and learns nothing.
+}
+
+const LudusArguments := preload("res://addons/ludus/bridge/arguments.gd")
+const LudusCall := preload("res://addons/ludus/bridge/call.gd")
+const LudusCeiling := preload("res://addons/ludus/bridge/ceiling.gd")
+const LudusGame := preload("res://addons/ludus/world/game.gd")
+const LudusGuidance := preload("res://addons/ludus/training/guidance.gd")
+const LudusLink := preload("res://addons/ludus/bridge/link.gd")
+const LudusManualPlay := preload("res://addons/ludus/bridge/manual_play.gd")
+const LudusOpening := preload("res://addons/ludus/bridge/opening.gd")
+const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
+const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
+const LudusSettling := preload("res://addons/ludus/world/settling.gd")
+const LudusStage := preload("res://addons/ludus/world/stage.gd")
+const LudusTrainingStatus := preload("res://addons/ludus/training/training_status.gd")
+const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
+
+static var _instance: LudusBridge
+
+## Plays agents that have a [LudusPolicy] while no trainer is there.
+var player := LudusPolicyPlayer.new()
+
+var _phase: Phase = Phase.START
+var _arguments: LudusArguments
+var _link: LudusLink
+var _stage: LudusStage
+var _game: LudusGame
+var _manual: LudusManualPlay
+var _ceiling: LudusCeiling
+var _settling: LudusSettling
+var _ticks_left: int = 0
+var _num_ticks: int = 0
+var _has_reset: bool = false
+var _batch_flags: int = 0
+var _guidance := LudusGuidance.new()
+var _requests := LudusRequests.new()
+var _status := LudusTrainingStatus.new()
+## Clock of PROTOCOL.md §7, microseconds.
+var _left_us: int = 0
+var _engine_us: int = 0
+var _bridge_us: int = 0
+var _wait_us: int = 0
+
+
+## Whether the autoload is there, which plays agents or has them trained.
+static func exists() -> bool:
+	return _instance != null
+
+
+## Whether a trainer has started the game, or it shall wait for one.
+static func has_trainer_arguments() -> bool:
+	var arguments := LudusArguments.read()
+	return arguments.has_trainer() or not arguments.play_scene.is_empty()
+
+
+## Calls one of the methods that ask something of the trainer. Returns why that was refused, or an
+## empty text.
+static func ask(method: StringName, arguments: Array = []) -> String:
+	if _instance == null:
+		return "the autoload Ludus is missing; enable the plugin Ludus"
+	return "" if _instance.callv(method, arguments) else _instance._requests.complaint
+
+
+## Lets [param training] guide the trainer at the other end of [param link].
+static func guide(training: LudusTraining, link: LudusLink) -> void:
+	if _instance == null:
+		training.take_leave("the autoload Ludus is missing; enable the plugin Ludus")
+	else:
+		_instance._guide.call_deferred(training, link)
+
+
+func _init() -> void:
+	add_child(player)
+	add_child(_guidance)
+	_status.received.connect(_show_status)
+	_status.policy_mode_changed.connect(policy_mode_changed.emit)
+
+
+func _enter_tree() -> void:
+	if _instance != null:
+		queue_free()
+		return
+	_instance = self
+	process_mode = Node.PROCESS_MODE_ALWAYS
+	process_physics_priority = -1073741824
+
+
+func _exit_tree() -> void:
+	if _instance == self:
+		_instance = null
+	if _link != null:
+		_link.close()
+
+
+func _physics_process(_delta: float) -> void:
+	var now := Time.get_ticks_usec()
+	match _phase:
+		Phase.STEPPING:
+			_engine_us += now - _left_us
+			_num_ticks += 1
+			_ticks_left -= 1
+			if _ticks_left > 0:
+				_repeat(now)
+			else:
+				_finish_step(now)
+		Phase.HELD:
+			get_tree().paused = false
+			_game.release()
+			if _hold_or_answer():
+				_serve()
+		Phase.SETTLING:
+			_num_ticks += 1
+			if _settling.advance():
+				_answer()
+				_serve()
+			elif not _settling.error.is_empty():
+				_fail("game", _settling.error)
+		Phase.CEILING:
+			if _ceiling.advance():
+				_send(_ceiling.result_frame())
+				_serve()
+		Phase.MANUAL:
+			player.advance()
+			_manual.advance()
+		Phase.WAITING:
+			if not _guidance.is_silent_frame():
+				get_tree().paused = false
+				_serve()
+		Phase.STANDING_BY:
+			player.advance()
+			_manual.advance()
+			_serve()
+		Phase.START:
+			_start()
+	_left_us = Time.get_ticks_usec()
+
+
+## Asks the trainer to put a policy into another mode. Returns false if nobody trains the game, or
+## if it has no such policy; the signal [signal policy_mode_changed] tells when it is done.
+func set_policy_mode(policy: String, mode: PolicyMode) -> bool:
+	return _requests.set_mode(policy, mode)
+
+
+## Asks the trainer to save a checkpoint. Returns false if nobody trains the game.
+func save_checkpoint() -> bool:
+	return _requests.add({"kind": "save"})
+
+
+## Asks the trainer to save a checkpoint and end the run; the game then quits. Where the game guides
+## its training, the trainer stands by instead. Returns false if nobody trains the game.
+func stop_training() -> bool:
+	return _requests.add({"kind": "stop"})
+
+
+## Asks the trainer to train until [method stop_training]. Returns false if the game does not guide
+## its training, see [LudusTraining].
+func start_training() -> bool:
+	return _requests.add_guided("start")
+
+
+## Asks the trainer to play one round with the most probable actions. Returns false if the game does
+## not guide its training.
+func play_round() -> bool:
+	return _requests.add_guided("play_round")
+
+
+## Asks the trainer to write all policies as files for the game. Returns false if the game does not
+## guide its training.
+func write_policies() -> bool:
+	return _requests.add_guided("write_policies")
+
+
+func _repeat(now: int) -> void:
+	_game.repeat_actions()
+	_bridge_us += Time.get_ticks_usec() - now
+
+
+func _finish_step(now: int) -> void:
+	_game.collect()
+	_bridge_us += Time.get_ticks_usec() - now
+	if _hold_or_answer():
+		_serve()
+
+
+## Answers the request, unless worlds were made anew or must settle first. Returns whether it did.
+func _hold_or_answer() -> bool:
+	if not _game.error.is_empty():
+		_fail("game", _game.error)
+		return false
+	if not _game.is_held():
+		return _settle_or_answer()
+	_phase = Phase.HELD
+	get_tree().paused = true
+	return false
+
+
+func _settle_or_answer() -> bool:
+	var worlds := _game.take_settling()
+	if worlds.is_empty():
+		_answer()
+		return true
+	_phase = Phase.SETTLING
+	_settling = LudusSettling.new(_stage, worlds)
+	return false
+
+
+func _answer() -> void:
+	var began := Time.get_ticks_usec()
+	var frame := LudusWire.begin(LudusWire.Type.BATCH)
+	frame.resize(LudusWire.HEADER_BYTES + LudusWire.BATCH_HEAD_BYTES)
+	_game.append_to(frame)
+	if not _game.error.is_empty():
+		_fail("game", _game.error)
+		return
+	_bridge_us += Time.get_ticks_usec() - began
+	frame.encode_u64(8, _num_ticks)
+	frame.encode_u32(16, _engine_us)
+	frame.encode_u32(20, _bridge_us)
+	frame.encode_u32(24, _wait_us)
+	frame.encode_u32(28, _batch_flags | _requests.flags())
+	_send(LudusWire.finish(frame))
+
+
+func _send(frame: PackedByteArray) -> void:
+	if not _link.send(frame):
+		_end("the trainer closed the connection")
+
+
+## Takes requests until one lets time pass.
+func _serve() -> void:
+	while _link != null and _phase != Phase.ENDED:
+		var asked := Time.get_ticks_usec()
+		if _requests.is_guided and not _guidance.hears(_link):
+			_phase = Phase.STANDING_BY if _guidance.is_standing_by else Phase.WAITING
+			return
+		if not _link.receive():
+			_fail("" if _link.error.is_empty() else "frame", _link.error)
+			return
+		var got := Time.get_ticks_usec()
+		_wait_us = got - asked
+		if _handle():
+			_bridge_us = Time.get_ticks_usec() - got
+			return
+
+
+## Handles one request. Returns true if the loop of requests pauses, because ticks must pass.
+func _handle() -> bool:
+	match _link.type:
+		LudusWire.Type.STEP:
+			return _handle_step()
+		LudusWire.Type.RESET:
+			return _handle_reset()
+		LudusWire.Type.CALL:
+			return _handle_call()
+		LudusWire.Type.PING:
+			_send(LudusWire.raw_frame(LudusWire.Type.PONG, _link.payload))
+		LudusWire.Type.CLOSE:
+			_end("")
+		LudusWire.Type.ERROR:
+			var message: Variant = LudusWire.read_json(_link.payload)
+			_end(str(message.get("message", "")) if message != null else "the trainer failed")
+		_:
+			_fail("sequence", "a frame of type %d is not allowed now" % _link.type)
+	return false
+
+
+func _handle_step() -> bool:
+	if not _has_reset:
+		_fail("sequence", "STEP before the first RESET")
+		return false
+	var num_bytes := _link.payload.size()
+	if num_bytes != _game.action_bytes:
+		_fail("frame", "STEP has %d bytes, expected %d" % [num_bytes, _game.action_bytes])
+		return false
+	_game.apply_actions(_link.payload)
+	_ticks_left = _game.ticks_per_step
+	_engine_us = 0
+	_batch_flags = 0
+	_phase = Phase.STEPPING
+	return true
+
+
+func _handle_reset() -> bool:
+	var request := LudusWire.read_reset(_link.payload, _stage.worlds.size())
+	if request.is_empty():
+		_fail("frame", "malformed RESET")
+		return false
+	_has_reset = true
+	_guidance.is_standing_by = false
+	_engine_us = 0
+	_batch_flags = LudusWire.FLAG_RESET
+	_bridge_us = 0
+	_game.reset(request)
+	return not _hold_or_answer()
+
+
+func _handle_call() -> bool:
+	var call := LudusCall.new(_link.payload)
+	if call.is_ceiling():
+		_ceiling = call.make_ceiling(_game)
+		_phase = Phase.CEILING
+		_has_reset = false
+		return true
+	if call.is_stand_by():
+		_guidance.is_standing_by = _requests.is_guided
+		_send(call.answer_nothing())
+	elif call.is_for_bridge():
+		_send(call.answer_for_bridge(_requests, _status))
+	else:
+		_send(call.answer(_game))
+	return false
+
+
+func _start() -> void:
+	_phase = Phase.MANUAL
+	_manual = LudusManualPlay.new(get_tree())
+	_arguments = LudusArguments.read()
+	if not has_trainer_arguments() and _guidance.is_in_scene():
+		return
+	_link = LudusLink.new()
+	if not _arguments.play_scene.is_empty():
+		_link.watch(_arguments.parent_pid)
+		if not LudusOpening.show_scene(_arguments.play_scene, self):
+			get_tree().quit(1)
+		return
+	if not LudusOpening.find_trainer(_link, _arguments):
+		if _arguments.has_trainer():
+			_end(_link.error)
+		_link = null
+		return
+	_link.watch(_arguments.parent_pid)
+	_greet()
+
+
+func _guide(training: LudusTraining, link: LudusLink) -> void:
+	if _phase != Phase.MANUAL:
+		link.close()
+		training.take_leave("the game is being trained already")
+		return
+	_guidance.training = training
+	_link = link
+	_greet()
+
+
+func _show_status(status: Dictionary) -> void:
+	training_status.emit(status)
+	_guidance.show_status(status)
+
+
+func _greet() -> void:
+	var opening := LudusOpening.new()
+	if not opening.greet(_link, _arguments.token, _guidance):
+		_fail(opening.code, opening.error, opening.hint)
+		return
+	_requests.open(opening.capabilities)
+	var is_built := opening.build(_guidance, self)
+	_stage = opening.stage
+	_game = opening.game
+	if not is_built:
+		_fail(opening.code, opening.error, opening.hint)
+		return
+	for policy: LudusPolicyBatch in _game.policies:
+		_requests.policy_names.append(policy.policy_name)
+	training_started.emit(_stage.worlds.size())
+	_send(opening.spec_frame())
+	_serve()
+
+
+## Tells the trainer what is wrong and quits.
+func _fail(code: String, message: String, hint: String = "") -> void:
+	if not code.is_empty():
+		var report := {"code": code, "message": message, "hint": hint}
+		_link.send(LudusWire.json_frame(LudusWire.Type.ERROR, report))
+	_end(message if hint.is_empty() else "%s; %s" % [message, hint])
+
+
+func _end(message: String) -> void:
+	if not message.is_empty():
+		printerr("ludus: ", message)
+	if _guidance.training != null:
+		_go_on_without_trainer(message)
+		return
+	_phase = Phase.ENDED
+	get_tree().quit(0 if message.is_empty() else 1)
+
+
+func _go_on_without_trainer(message: String) -> void:
+	_phase = Phase.MANUAL
+	_has_reset = false
+	_requests.close()
+	_link.close()
+	_link = null
+	_guidance.end(message, _stage)
+	_stage = null
+	_game = null

@@ -1,0 +1,230 @@
+@icon("res://addons/ludus/icons/ludus_policy_player.svg")
+class_name LudusPolicyPlayer
+extends Node
+## Plays all agents that have a [LudusPolicy], while no trainer is there.
+##
+## The autoload "Ludus" brings one along, as its [code]player[/code]; put one into the scene only in
+## a game without the autoload. Decisions and episodes follow the rules of training: an action lasts
+## [member LudusAgent.ticks_per_step] ticks; an agent that is done, or cut off, begins anew at once,
+## or together with all agents of its world ([member LudusWorld.episode_mode]). An agent that comes
+## into a world that is played already is not reset first.
+
+## Emitted when an episode ends. [param agent] is null if it has left the scene.
+signal episode_ended(policy_name: String, agent: LudusAgent, episode_return: float, num_steps: int)
+
+const LudusArguments := preload("res://addons/ludus/bridge/arguments.gd")
+const LudusPolicyGroup := preload("res://addons/ludus/policy/policy_group.gd")
+
+var _arguments := LudusArguments.read()
+var _groups: Array[LudusPolicyGroup] = []
+## Policies from the command line.
+var _policies: Dictionary[String, LudusPolicy] = {}
+var _are_policies_loaded: bool = false
+var _worlds: Array[LudusWorld] = []
+## The policy that did not fit an agent, by instance id.
+var _refused: Dictionary[int, LudusPolicy] = {}
+var _seen_changes: int = -1
+var _tick: int = 0
+
+
+func _init() -> void:
+	process_mode = Node.PROCESS_MODE_PAUSABLE
+	process_physics_priority = -1073741824
+
+
+func _physics_process(_delta: float) -> void:
+	if not LudusBridge.exists():
+		advance()
+
+
+## Plays one tick, unless the game is paused.
+func advance() -> void:
+	if not can_process():
+		return
+	if not _are_policies_loaded:
+		_load_policies()
+	if _seen_changes != LudusAgent.num_changes:
+		_update_roster()
+	for group: LudusPolicyGroup in _groups:
+		if _is_due(group):
+			group.collect()
+		else:
+			group.batch.repeat_actions()
+	# All are told before any begins anew, which agents of other groups may do together.
+	for group: LudusPolicyGroup in _groups:
+		if _is_due(group):
+			_tell_of_ends(group)
+	for group: LudusPolicyGroup in _groups:
+		if _is_due(group):
+			_end_episodes(group)
+	for group: LudusPolicyGroup in _groups:
+		if _is_due(group):
+			group.act(_tick)
+			_report_mistake(group)
+	_tick += 1
+
+
+func _load_policies() -> void:
+	_are_policies_loaded = true
+	for policy_name: String in _arguments.policies:
+		var policy := LudusPolicy.load_file(_arguments.policies[policy_name])
+		_policies[policy_name] = policy
+		if not policy.error.is_empty():
+			_fail("policy %s: %s" % [policy_name, policy.error])
+
+
+func _is_due(group: LudusPolicyGroup) -> bool:
+	return _tick % group.ticks_per_step == 0
+
+
+func _update_roster() -> void:
+	for group: LudusPolicyGroup in _groups:
+		group.batch.drop_leavers()
+		for slot: int in group.batch.agents.size():
+			var agent := group.batch.agents[slot]
+			if agent != null and not (agent.enabled and group.accepts(agent)):
+				group.leave(slot)
+	_worlds = _worlds.filter(is_instance_valid)
+	var newcomers: Array[LudusAgent] = []
+	for node: Node in get_tree().get_nodes_in_group(LudusAgent.GROUP_NAME):
+		var agent := node as LudusAgent
+		if agent != null and _wants_to_play(agent):
+			newcomers.append(agent)
+	_admit(newcomers)
+	# Whatever the game did to its agents until here is seen.
+	_seen_changes = LudusAgent.num_changes
+
+
+func _wants_to_play(agent: LudusAgent) -> bool:
+	if not agent.enabled or agent.is_queued_for_deletion() or _find_group(agent) != null:
+		return false
+	if _policies.has(agent.policy_name):
+		agent.policy = _policies[agent.policy_name]
+		agent.is_sampling = _arguments.is_sampling
+	return agent.policy != null and _refused.get(agent.get_instance_id()) != agent.policy
+
+
+## Agents of a world that is new begin its first episode; others join in as they are.
+func _admit(newcomers: Array[LudusAgent]) -> void:
+	var new_worlds: Array[LudusWorld] = []
+	for agent: LudusAgent in newcomers:
+		var problem := agent.connect_to_game()
+		if problem.is_empty():
+			problem = agent.policy.misfit(agent)
+		if not problem.is_empty():
+			_refused[agent.get_instance_id()] = agent.policy
+			_fail("agent %s: %s" % [agent.path_in_world(), problem])
+			continue
+		if agent.world not in _worlds:
+			_worlds.append(agent.world)
+			new_worlds.append(agent.world)
+			agent.world.begin_episode()
+			agent.world.episode_started.emit()
+		var group := _group_for(agent)
+		var slot := group.join(agent)
+		if agent.world in new_worlds:
+			_begin(group, slot, agent.world.settle_ticks)
+		else:
+			group.begin(slot, _tick)
+
+
+func _group_for(agent: LudusAgent) -> LudusPolicyGroup:
+	for group: LudusPolicyGroup in _groups:
+		if group.accepts(agent):
+			return group
+	var made := LudusPolicyGroup.new(agent)
+	_groups.append(made)
+	return made
+
+
+func _find_group(agent: LudusAgent) -> LudusPolicyGroup:
+	for group: LudusPolicyGroup in _groups:
+		if group.has(agent):
+			return group
+	return null
+
+
+## Resets the agent of a slot; it acts once its world has settled.
+func _begin(group: LudusPolicyGroup, slot: int, settle_ticks: int) -> void:
+	group.batch.agents[slot].target.reset()
+	group.begin(slot, _tick + settle_ticks)
+
+
+func _end_episodes(group: LudusPolicyGroup) -> void:
+	for slot: int in group.batch.final_slots:
+		var agent := group.batch.agents[slot]
+		var world := group.worlds[slot]
+		if not is_instance_valid(world):
+			continue
+		if world.episode_mode == LudusWorld.Episode.WORLD:
+			if not _is_played(world):
+				_begin_world(world)
+		elif agent != null and not agent.is_leaving():
+			var is_alone := _count_agents(world) == 1
+			world.begin_episode()
+			if is_alone:
+				world.episode_started.emit()
+			_begin(group, slot, world.settle_ticks if is_alone else 0)
+
+
+func _begin_world(world: LudusWorld) -> void:
+	world.begin_episode()
+	world.episode_started.emit()
+	for group: LudusPolicyGroup in _groups:
+		for slot: int in group.batch.agents.size():
+			var agent := group.batch.agents[slot]
+			if agent != null and agent.world == world and not agent.is_leaving():
+				_begin(group, slot, world.settle_ticks)
+
+
+func _is_played(world: LudusWorld) -> bool:
+	for group: LudusPolicyGroup in _groups:
+		for slot: int in group.worlds.size():
+			if group.worlds[slot] == world and group.is_playing(slot):
+				return true
+	return false
+
+
+func _count_agents(world: LudusWorld) -> int:
+	var count := 0
+	for group: LudusPolicyGroup in _groups:
+		for agent: LudusAgent in group.batch.agents:
+			if agent != null and agent.world == world:
+				count += 1
+	return count
+
+
+func _tell_of_ends(group: LudusPolicyGroup) -> void:
+	for slot: int in group.batch.final_slots:
+		_tell(group, slot)
+
+
+func _tell(group: LudusPolicyGroup, slot: int) -> void:
+	var episode_return := group.episode_return(slot)
+	var num_steps := group.batch.episode_steps(slot)
+	var policy_name := group.batch.policy_name
+	episode_ended.emit(policy_name, group.batch.agents[slot], episode_return, num_steps)
+	if _arguments.has_report:
+		var line := {"policy": policy_name, "return": episode_return, "length": num_steps}
+		# Not print(): an exported game holds that back until there are 4 KiB of it.
+		printerr("ludus-episode ", JSON.stringify(line))
+
+
+## The agents of a group whose game made a mistake are played no longer.
+func _report_mistake(group: LudusPolicyGroup) -> void:
+	if group.batch.error.is_empty():
+		return
+	_fail(group.batch.error)
+	group.batch.error = ""
+	for slot: int in group.batch.agents.size():
+		var agent := group.batch.agents[slot]
+		if agent != null:
+			_refused[agent.get_instance_id()] = agent.policy
+			group.leave(slot)
+
+
+## Nobody else sees the mistakes of policies that were given on the command line.
+func _fail(message: String) -> void:
+	push_error("ludus: ", message)
+	if not _policies.is_empty():
+		get_tree().quit(1)

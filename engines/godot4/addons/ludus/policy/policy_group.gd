@@ -1,0 +1,196 @@
+extends RefCounted
+## Agents that one [LudusPolicy] plays together, in slots.
+##
+## What an agent lives through is told by a [LudusPolicyBatch], as in training. The episodes are up
+## to [LudusPolicyPlayer].
+
+const LudusPolicyActions := preload("res://addons/ludus/policy/policy_actions.gd")
+const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
+const LudusPolicyNetwork := preload("res://addons/ludus/policy/policy_network.gd")
+const LudusPolicyReader := preload("res://addons/ludus/policy/policy_reader.gd")
+const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
+
+## What the agents have in common, and their steps.
+var batch: LudusPolicyBatch
+## The world of the agent in each slot.
+var worlds: Array[LudusWorld] = []
+## Physics ticks per decision.
+var ticks_per_step: int = 1
+
+var _policy: LudusPolicy
+var _network: LudusPolicyNetwork
+var _actions: LudusPolicyActions
+var _returns: PackedFloat64Array = []
+var _generators: Array[RandomNumberGenerator] = []
+## Tick from which a slot that waits may act; -1 if it does not wait.
+var _ready_at: PackedInt64Array = []
+var _states: PackedVector4Array = []
+var _active_slots: PackedInt32Array = []
+## For each vector entry and each image of the policy: the number of the agents' entry.
+var _vector_entries: PackedInt32Array = []
+var _image_entries: PackedInt32Array = []
+var _starts: PackedInt32Array = []
+
+
+## Begins with the declarations of an agent, which [method LudusPolicy.misfit] has found right.
+func _init(first: LudusAgent) -> void:
+	_policy = first.policy
+	_network = _policy.network()
+	_actions = LudusPolicyActions.new(_policy.reader())
+	ticks_per_step = first.ticks_per_step
+	batch = LudusPolicyBatch.new(
+		first.policy_name, [first], PackedInt32Array([0]), 0, _policy.reader().entries
+	)
+	batch.set_agent(0, null)
+	_reserve(1)
+	for entry: LudusObservationEntry in _policy.reader().entries:
+		var i := _find_entry(entry.name)
+		if LudusPolicyReader.is_image(entry):
+			_image_entries.append(i)
+		else:
+			_vector_entries.append(i)
+
+
+## Whether an agent can take part: it lives by the same rules.
+func accepts(agent: LudusAgent) -> bool:
+	var layout := batch.layout
+	var is_every_tick := agent.action_timing == LudusAgent.ActionTiming.EVERY_TICK
+	return (
+		is_instance_valid(agent.target)
+		and agent.policy == _policy
+		and agent.policy_name == batch.policy_name
+		and agent.ticks_per_step == ticks_per_step
+		and agent.max_episode_steps == layout.max_steps
+		and agent.has_action_mask == layout.has_action_mask
+		and agent.has_truncation() == layout.has_truncation
+		and is_every_tick == layout.is_every_tick
+	)
+
+
+## Whether an agent takes part.
+func has(agent: LudusAgent) -> bool:
+	return batch.agents.has(agent)
+
+
+## Puts an agent into a free slot and returns that; it does not act yet.
+func join(agent: LudusAgent) -> int:
+	var slot := 0
+	while slot < batch.agents.size() and not _is_free(slot):
+		slot += 1
+	if slot == batch.agents.size():
+		batch.add_slot()
+		_reserve(slot + 1)
+	batch.set_agent(slot, agent)
+	worlds[slot] = agent.world
+	return slot
+
+
+## Takes an agent out that something else plays from now on.
+func leave(slot: int) -> void:
+	var agent := batch.agents[slot]
+	batch.set_agent(slot, null)
+	agent.join_batch(null, -1)
+	_ready_at[slot] = -1
+
+
+## Begins the episode of a slot, which acts from the first decision at [param tick] or later on.
+func begin(slot: int, tick: int) -> void:
+	_ready_at[slot] = tick
+	_returns[slot] = 0.0
+	for i: int in _network.memory_blocks:
+		_states[slot * _network.memory_blocks + i] = Vector4.ZERO
+	# The world's own stream goes on as in training.
+	_generators[slot].seed = hash([worlds[slot].rng.seed, slot])
+
+
+## Whether the agent of a slot acts or waits to act.
+func is_playing(slot: int) -> bool:
+	return batch.active[slot] == 1 or _ready_at[slot] >= 0
+
+
+## Takes in what the last step brought. The slots that ended stand in
+## [member LudusPolicyBatch.final_slots].
+func collect() -> void:
+	batch.collect_outcomes()
+	for slot: int in _active_slots:
+		_returns[slot] += batch.reward(slot)
+
+
+## Sum of the rewards of the episode of a slot.
+func episode_return(slot: int) -> float:
+	return _returns[slot]
+
+
+## Lets all agents that wait no longer, and all that play, decide and act.
+func act(tick: int) -> void:
+	_active_slots.clear()
+	for slot: int in batch.agents.size():
+		if _ready_at[slot] >= 0 and _ready_at[slot] <= tick and worlds[slot].is_ready:
+			_ready_at[slot] = -1
+			batch.activate(slot)
+		if batch.active[slot] == 1:
+			_active_slots.append(slot)
+	if _active_slots.is_empty():
+		return
+	var masks := PackedByteArray()
+	if batch.layout.has_action_mask:
+		batch.append_masks(masks)
+	_observe()
+	for row: int in _active_slots.size():
+		var slot := _active_slots[row]
+		var rng := _generators[slot] if batch.agents[slot].is_sampling else null
+		_actions.choose(_network.outputs, row * _network.num_outputs, slot, masks, rng)
+	batch.set_actions(_actions.discrete, _actions.continuous)
+
+
+func _observe() -> void:
+	var bytes := PackedByteArray()
+	batch.append_observations(bytes)
+	var vectors: Array[PackedFloat32Array] = []
+	for i: int in _vector_entries:
+		vectors.append(_floats(bytes, i))
+	var images: Array[PackedByteArray] = []
+	for i: int in _image_entries:
+		images.append(_slice(bytes, i))
+	_network.run(_active_slots, vectors, images, _states)
+
+
+func _floats(bytes: PackedByteArray, i: int) -> PackedFloat32Array:
+	var part := _slice(bytes, i)
+	match batch.layout.entries[i].dtype:
+		LudusObservationEntry.DType.UINT8:
+			return PackedFloat32Array(Array(part))
+		LudusObservationEntry.DType.INT64:
+			return PackedFloat32Array(Array(part.to_int64_array()))
+	return part.to_float32_array()
+
+
+func _slice(bytes: PackedByteArray, i: int) -> PackedByteArray:
+	var num_bytes := batch.layout.entries[i].num_bytes() * batch.agents.size()
+	return bytes.slice(_starts[i], _starts[i] + num_bytes)
+
+
+func _find_entry(entry_name: String) -> int:
+	for i: int in batch.layout.entries.size():
+		if batch.layout.entries[i].name == entry_name:
+			return i
+	return -1
+
+
+func _is_free(slot: int) -> bool:
+	return batch.agents[slot] == null and not is_playing(slot)
+
+
+func _reserve(num_slots: int) -> void:
+	worlds.resize(num_slots)
+	_returns.resize(num_slots)
+	_ready_at.resize(num_slots)
+	_ready_at[-1] = -1
+	_states.resize(num_slots * _network.memory_blocks)
+	_actions.reserve(num_slots)
+	_generators.append(RandomNumberGenerator.new())
+	_starts.clear()
+	var start := 0
+	for entry: LudusObservationEntry in batch.layout.entries:
+		_starts.append(start)
+		start += LudusWire.padded(entry.num_bytes() * num_slots)

@@ -1,0 +1,225 @@
+@tool
+extends RefCounted
+## Reads a policy file (POLICY.md §1) and makes sure that its parts fit each other.
+
+const LudusPolicyDense := preload("res://addons/ludus/policy/policy_dense.gd")
+const LudusPolicyFields := preload("res://addons/ludus/policy/policy_fields.gd")
+
+const FORMAT := "ludus-policy"
+const VERSION := 1
+const MAX_ITEMS := 64
+const KIND_NAMES: PackedStringArray = ["discrete", "continuous"]
+
+## What is wrong with the file, or an empty text.
+var error: String = ""
+## Name of the policy.
+var policy_name: String = ""
+## Hash of the spec it was trained for.
+var fingerprint: String = ""
+## What it looks at, in order; bounds are not read.
+var entries: Array[LudusObservationEntry] = []
+## Components of its action in order: name, kind, n, size.
+var components: Array[LudusActionComponent] = []
+## Whether choices may be forbidden.
+var has_action_mask: bool = false
+## Alternatives of all choices in sum.
+var num_logits: int = 0
+## Lowest value of every number of an action.
+var low: PackedFloat32Array = []
+## Highest value of every number of an action.
+var high: PackedFloat32Array = []
+## Of the joined vector; empty leaves it.
+var shift: PackedFloat32Array = []
+## Of the joined vector.
+var scale: PackedFloat32Array = []
+## Cut-off of the normalised vector.
+var limit: float = INF
+## Networks of the image entries: entry, convolutions, linear.
+var images: Array[Dictionary] = []
+## Arrays of the memory by name; empty without one.
+var memory: Dictionary = {}
+## Layers: weight, bias, activation, shape.
+var layers: Array[Dictionary] = []
+## Log deviations that are the same in every state; empty if the network puts them out.
+var log_std: PackedFloat32Array = []
+## Whether the network puts out log deviations.
+var has_own_log_std: bool = false
+## Lowest and highest log deviation that the network puts out.
+var log_std_range: PackedFloat32Array = [-20.0, 2.0]
+## Whether tanh keeps numbers between -1 and 1.
+var is_squashed: bool = false
+
+var _errors: Array[String] = []
+
+
+## Takes the parsed JSON.
+func _init(value: Variant) -> void:
+	var fields := LudusPolicyFields.new(value, "", _errors)
+	if _errors.is_empty() and fields.raw("format") is String and fields.text("format") != FORMAT:
+		fields.fail("format", 'expected "%s", got "%s"' % [FORMAT, fields.text("format")])
+	elif _errors.is_empty() and fields.number("version") != VERSION:
+		fields.fail("version", "expected %d: upgrade the add-on, or export again" % VERSION)
+	for read: Callable in [_read_spec, _read_vector, _read_images, _read_actor]:
+		if _errors.is_empty():
+			read.call(fields)
+	error = _errors[0] if not _errors.is_empty() else ""
+
+
+## Whether convolutions look at an entry.
+static func is_image(entry: LudusObservationEntry) -> bool:
+	return entry.dtype == LudusObservationEntry.DType.UINT8 and entry.shape.size() >= 3
+
+
+## Sizes of the entries that are no images, in order.
+func vector_sizes() -> PackedInt32Array:
+	var sizes := PackedInt32Array()
+	for entry: LudusObservationEntry in entries:
+		if not is_image(entry):
+			sizes.append(entry.size())
+	return sizes
+
+
+## Sizes of all parts of the features: vector entries, then images.
+func feature_sizes() -> PackedInt32Array:
+	var sizes := vector_sizes()
+	for image: Dictionary in images:
+		sizes.append((image["linear"]["bias"] as PackedFloat32Array).size())
+	return sizes
+
+
+func _read_spec(fields: LudusPolicyFields) -> void:
+	policy_name = fields.text("policy")
+	fingerprint = fields.text("fingerprint")
+	has_action_mask = fields.flag("has_action_mask")
+	for part: LudusPolicyFields in fields.parts("observation", 1, MAX_ITEMS):
+		var dtype := part.choice("dtype", LudusObservationEntry.DTYPE_NAMES)
+		var entry := LudusObservationEntry.create(part.text("name"), part.sizes("shape", 8), dtype)
+		if entry.size() < 1:
+			part.fail("shape", "expected positive sizes")
+		entries.append(entry)
+	for part: LudusPolicyFields in fields.parts("action", 1, MAX_ITEMS):
+		components.append(_read_component(part))
+	if has_action_mask and num_logits == 0:
+		fields.fail("has_action_mask", "there is no discrete action to mask")
+
+
+func _read_component(fields: LudusPolicyFields) -> LudusActionComponent:
+	if fields.choice("kind", KIND_NAMES) == LudusActionComponent.Kind.DISCRETE:
+		var choice := LudusActionComponent.discrete(
+			fields.text("name"), fields.integer("n", 1, 1 << 20)
+		)
+		num_logits += choice.n
+		return choice
+	var part := LudusActionComponent.continuous(
+		fields.text("name"), fields.integer("size", 1, 1 << 16)
+	)
+	low.append_array(fields.numbers("low", part.size))
+	high.append_array(fields.numbers("high", part.size))
+	part.low = low[-part.size]
+	part.high = high[-part.size]
+	return part
+
+
+func _read_vector(fields: LudusPolicyFields) -> void:
+	if fields.is_null("normalisation"):
+		return
+	var size := _sum(vector_sizes())
+	var part := fields.part("normalisation")
+	shift = part.tensor("shift", [size])
+	scale = part.tensor("scale", [size])
+	limit = part.number("limit")
+	if limit <= 0.0:
+		part.fail("limit", "expected a positive number, got %s" % limit)
+
+
+func _read_images(fields: LudusPolicyFields) -> void:
+	var seen := entries.filter(is_image)
+	var parts := fields.parts("images", seen.size(), seen.size())
+	for i: int in parts.size():
+		var entry: LudusObservationEntry = seen[i]
+		if parts[i].text("entry") != entry.name:
+			parts[i].fail("entry", 'expected "%s"' % entry.name)
+		else:
+			images.append(_read_image(parts[i], entry))
+
+
+func _read_image(fields: LudusPolicyFields, entry: LudusObservationEntry) -> Dictionary:
+	var height := entry.shape[-3]
+	var width := entry.shape[-2]
+	var channels := entry.size() / (height * width)
+	var convolutions: Array[Dictionary] = []
+	for part: LudusPolicyFields in fields.parts("convolutions", 1, 16):
+		var layer := _read_layer(part, [-1, channels, -1, -1])
+		layer["stride"] = part.integer("stride", 1, 1 << 16)
+		layer["padding"] = part.integer("padding", 0, 1 << 16)
+		if not _errors.is_empty():
+			return {}
+		var shape: PackedInt32Array = layer["shape"]
+		if layer["padding"] >= mini(shape[2], shape[3]):
+			part.fail("padding", "expected 0 to less than the kernel")
+		height = (height + 2 * int(layer["padding"]) - shape[2]) / int(layer["stride"]) + 1
+		width = (width + 2 * int(layer["padding"]) - shape[3]) / int(layer["stride"]) + 1
+		if height < 1 or width < 1:
+			part.fail("weight.shape", "the kernel is larger than the image")
+		channels = shape[0]
+		convolutions.append(layer)
+	var linear := _read_layer(fields.part("linear"), [-1, channels * height * width])
+	return {"entry": entry.name, "convolutions": convolutions, "linear": linear}
+
+
+func _read_layer(fields: LudusPolicyFields, shape: PackedInt32Array) -> Dictionary:
+	var weight := fields.tensor("weight", shape)
+	var found := fields.shape("weight")
+	return {
+		"weight": weight,
+		"shape": found,
+		"bias": fields.tensor("bias", [found[0] if not found.is_empty() else 0]),
+		"activation": fields.choice("activation", LudusPolicyDense.ACTIVATIONS),
+	}
+
+
+func _read_actor(fields: LudusPolicyFields) -> void:
+	var size := _sum(feature_sizes())
+	if not fields.is_null("memory"):
+		size = _read_memory(fields.part("memory"), size)
+	_read_distribution(fields.part("distribution"))
+	for part: LudusPolicyFields in fields.parts("layers", 1, MAX_ITEMS):
+		var layer := _read_layer(part, [-1, size])
+		size = (layer["bias"] as PackedFloat32Array).size()
+		layers.append(layer)
+	var num_outputs := num_logits + low.size() * (2 if has_own_log_std else 1)
+	if _errors.is_empty() and size != num_outputs:
+		fields.fail("layers", "expected %d outputs, got %d" % [num_outputs, size])
+
+
+## Returns the size of the state.
+func _read_memory(fields: LudusPolicyFields, num_inputs: int) -> int:
+	fields.choice("kind", ["gru"])
+	var shape := fields.shape("weight_hidden")
+	var size := shape[1] if shape.size() == 2 else 0
+	memory = {
+		"weight_hidden": fields.tensor("weight_hidden", [size * 3, size]),
+		"weight_input": fields.tensor("weight_input", [size * 3, num_inputs]),
+		"bias_input": fields.tensor("bias_input", [size * 3]),
+		"bias_hidden": fields.tensor("bias_hidden", [size * 3]),
+	}
+	if size < 1:
+		fields.fail("weight_hidden.shape", "expected [3 * size, size]")
+	return size
+
+
+func _read_distribution(fields: LudusPolicyFields) -> void:
+	is_squashed = fields.flag("is_squashed")
+	log_std_range = fields.numbers("log_std_range", 2)
+	if log_std_range[0] > log_std_range[1]:
+		fields.fail("log_std_range", "expected [lowest, highest]")
+	has_own_log_std = fields.is_null("log_std")
+	if not has_own_log_std:
+		log_std = fields.tensor("log_std", [low.size()])
+
+
+static func _sum(sizes: PackedInt32Array) -> int:
+	var total := 0
+	for size: int in sizes:
+		total += size
+	return total

@@ -1,0 +1,127 @@
+extends "res://addons/ludus/agent/policy_batch.gd"
+## A [LudusPolicyBatch] whose agents all belong to simulations: it asks those by index, without the
+## detour over their seats.
+
+const LudusSimulationAgent := preload("res://addons/ludus/simulation/simulation_agent.gd")
+const LudusSimulationSeat := preload("res://addons/ludus/simulation/simulation_seat.gd")
+
+var _simulations: Array[LudusSimulation] = []
+var _indices: PackedInt32Array = []
+var _seats: Array[LudusSimulationSeat] = []
+## Whether a slot has no simulation, because its host has left the scene.
+var _has_lost: bool = false
+
+
+## Whether this batch can take these agents.
+static func fits(members: Array[LudusAgent]) -> bool:
+	for agent: LudusAgent in members:
+		if agent is not LudusSimulationAgent:
+			return false
+	return true
+
+
+func replace_agents(members: Array[LudusAgent]) -> bool:
+	_simulations.resize(members.size())
+	_indices.resize(members.size())
+	_seats.resize(members.size())
+	return super(members)
+
+
+func set_agent(slot: int, agent: LudusAgent) -> void:
+	super(slot, agent)
+	var seat: LudusSimulationSeat = (agent as LudusSimulationAgent).seat if agent != null else null
+	_seats[slot] = seat
+	_has_lost = seat == null or (_has_lost and _targets.has(_lost))
+	if seat == null:
+		return
+	seat.is_played = true
+	_simulations[slot] = seat.simulation
+	_indices[slot] = seat.index
+
+
+func drop_leavers() -> void:
+	super()
+	_has_lost = _targets.has(_lost)
+
+
+func collect_outcomes() -> void:
+	if _has_lost:
+		super()
+		return
+	clear_outcomes()
+	var limit := layout.max_steps if layout.max_steps > 0 else 1 << 62
+	var has_truncation := layout.has_truncation
+	for slot: int in _simulations.size():
+		if active[slot] == 0:
+			continue
+		var simulation := _simulations[slot]
+		var index := _indices[slot]
+		var steps := _steps[slot] + 1
+		_steps[slot] = steps
+		_rewards[slot] = simulation.get_reward(index)
+		if simulation.is_done(index):
+			_terminated[slot] = 1
+			_end(slot)
+		elif steps >= limit or (has_truncation and simulation.is_truncated(index)):
+			_truncated[slot] = 1
+			_end(slot)
+
+
+func play_randomly(rng: RandomNumberGenerator) -> void:
+	if _has_lost:
+		super(rng)
+		return
+	var limit := layout.max_steps if layout.max_steps > 0 else 1 << 62
+	for slot: int in _simulations.size():
+		if _seats[slot].is_idle:
+			continue
+		var simulation := _simulations[slot]
+		var index := _indices[slot]
+		_steps[slot] += 1
+		simulation.get_reward(index)
+		if simulation.is_done(index) or _steps[slot] >= limit:
+			_steps[slot] = 0
+			simulation.world.begin_episode()
+			_seats[slot].reset()
+			if _seats[slot].is_idle:
+				continue
+		simulation.get_observation(index)
+	# Only now: the end of one agent's episode may begin another one's, or make it wait.
+	var num := agents.size()
+	for slot: int in num:
+		active[slot] = int(not _seats[slot].is_idle)
+	set_actions(layout.random_choices(num, rng), layout.random_numbers(num, rng))
+
+
+func _apply() -> void:
+	if _has_lost:
+		super()
+	elif layout.num_discrete == 1 and layout.continuous_size == 0:
+		for slot: int in _simulations.size():
+			if active[slot] == 1:
+				_simulations[slot].apply_action(_indices[slot], _discrete[slot])
+	else:
+		for slot: int in _simulations.size():
+			if active[slot] == 1:
+				var action: Variant = layout.action_of(slot, _discrete, _continuous)
+				_simulations[slot].apply_action(_indices[slot], action)
+
+
+func _append_flat(frame: PackedByteArray) -> void:
+	if _has_lost:
+		super(frame)
+		return
+	var numbers := PackedFloat32Array()
+	var entry := layout.entries[0]
+	var size := _flat_size
+	for slot: int in _simulations.size():
+		if active[slot] == 0:
+			numbers.resize(numbers.size() + size)
+			continue
+		var value: Variant = _simulations[slot].get_observation(_indices[slot])
+		if value is PackedFloat32Array and (value as PackedFloat32Array).size() == size:
+			numbers.append_array(value)
+		else:
+			numbers.append_array(_entry_bytes(slot, entry, value).to_float32_array())
+	frame.append_array(numbers.to_byte_array())
+	LudusWire.pad(frame)

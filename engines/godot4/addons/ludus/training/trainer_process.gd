@@ -1,0 +1,104 @@
+extends RefCounted
+## Starts [code]ludus serve[/code], the Python side of a game that guides its own training.
+##
+## It ends by itself once the game has gone.
+
+## Project setting with the path of the Python that has Ludus; empty: it is looked for.
+const PYTHON_SETTING := "ludus/training/python"
+## Environment variable with the same, for one machine.
+const PYTHON_VARIABLE := "LUDUS_PYTHON"
+const FOLDERS_ABOVE := 3
+## Exits with 0 if Ludus is there, without importing it. With [code]-P[/code], here and below,
+## Python does not import from the folder that the game was started in.
+const PROBE := "import importlib.util, sys; sys.exit(importlib.util.find_spec('ludus') is None)"
+
+## Why there is no trainer, or an empty text.
+var error: String = ""
+
+var _pid: int = 0
+var _log_path: String = ""
+
+
+## Starts the server at [param port], with runs and policies in these folders. Returns false and
+## sets [member error] if that cannot be.
+func start(port: int, runs: String, policies: String) -> bool:
+	var python := find_python()
+	if python.is_empty():
+		return false
+	if not _make_folder(runs):
+		error = "cannot make the folder %s" % runs
+		return false
+	_log_path = runs.path_join("serve.log")
+	var arguments: PackedStringArray = ["-P", "-m", "ludus.cli", "serve", "--once"]
+	arguments += PackedStringArray(["--port", str(port), "--runs", runs])
+	arguments += PackedStringArray(["--policies", policies, "--log", _log_path])
+	_pid = OS.create_process(python, arguments)
+	if _pid <= 0:
+		error = "cannot start %s" % python
+	return _pid > 0
+
+
+## Whether it was started and has ended since.
+func has_ended() -> bool:
+	return _pid > 0 and not OS.is_process_running(_pid)
+
+
+## What became of a process that ended: the last line of its log.
+func describe_end() -> String:
+	var lines := FileAccess.get_file_as_string(_log_path).strip_edges().split("\n")
+	var last := lines[-1] if not lines[-1].is_empty() else "it wrote nothing"
+	return "ludus serve has ended: %s (%s)" % [last, _log_path]
+
+
+## Returns a Python that has Ludus: that of the project setting or the environment variable, or else
+## the first of the virtual environments around the project and those on the path. Empty, with
+## [member error], if there is none.
+func find_python() -> String:
+	var chosen := str(ProjectSettings.get_setting(PYTHON_SETTING, ""))
+	if chosen.is_empty():
+		chosen = OS.get_environment(PYTHON_VARIABLE)
+	if not chosen.is_empty():
+		var path := ProjectSettings.globalize_path(chosen)
+		if _has_ludus(path):
+			return path
+		error = "%s has no Ludus; run `%s -m pip install ludus-rl`" % [path, path]
+		return ""
+	for path: String in _candidates():
+		if _has_ludus(path):
+			return path
+	error = (
+		"no Python with Ludus was found; name one in the project setting %s, or run `ludus serve`"
+		% PYTHON_SETTING
+	)
+	return ""
+
+
+## Makes a folder that the editor does not look into.
+static func _make_folder(path: String) -> bool:
+	if DirAccess.make_dir_recursive_absolute(path) != OK:
+		return false
+	var mark := path.path_join(".gdignore")
+	return FileAccess.file_exists(mark) or FileAccess.open(mark, FileAccess.WRITE) != null
+
+
+static func _candidates() -> PackedStringArray:
+	var names: PackedStringArray = ["bin/python", "Scripts/python.exe"]
+	var folders: PackedStringArray = []
+	var folder := ProjectSettings.globalize_path("res://").trim_suffix("/")
+	if folder.is_empty():
+		folder = OS.get_executable_path().get_base_dir()
+	for i: int in FOLDERS_ABOVE:
+		folders.append(folder.path_join(".venv"))
+		folder = folder.get_base_dir()
+	folders.append(OS.get_environment("VIRTUAL_ENV"))
+	var found: PackedStringArray = []
+	for environment: String in folders:
+		for name: String in names:
+			var path := environment.path_join(name)
+			if not environment.is_empty() and FileAccess.file_exists(path):
+				found.append(path)
+	return found + PackedStringArray(["python3", "python"])
+
+
+static func _has_ludus(python: String) -> bool:
+	return OS.execute(python, ["-P", "-c", PROBE]) == 0

@@ -1,0 +1,148 @@
+@tool
+@icon("res://addons/ludus/icons/ludus_world.svg")
+class_name LudusWorld
+extends Node
+## What belongs to one world: its random stream, its parameters and how it is copied.
+##
+## Put it under the root of the scene to choose a layout; a scene without one gets a default world
+## while it runs. Get the world of any node with [method of].
+
+## Emitted when all agents of the world begin an episode together, before their
+## [code]reset()[/code].
+signal episode_started
+
+## How copies of the scene are kept apart.
+enum Layout {
+	ISOLATED,  ## Each copy has its own physics space. Any scene works.
+	GRID,  ## All copies share one space, far apart: much faster for light games. The scene
+	## must work in coordinates local to its root.
+}
+
+## When an episode ends.
+enum Episode {
+	AGENT,  ## Each agent's episode ends by itself and the agent begins anew at once.
+	WORLD,  ## Agents that end wait until all agents of the world have ended.
+}
+
+const META_NAME := &"ludus_world"
+## Odd 64-bit constants of splitmix64; they spread neighbouring seeds and episodes far apart.
+const SEED_FACTOR := -7046029254386353131
+const EPISODE_FACTOR := -4658895280553007687
+
+## Whether any world has newcomers.
+static var has_newcomers: bool = false
+## Whether any agent may have left the scene.
+static var has_leavers: bool = false
+
+## How copies are kept apart.
+@export var layout: Layout = Layout.ISOLATED
+## Distance between copies in the grid, in metres or pixels: larger than anything reaches.
+## An axis with 0 is not used.
+@export var spacing: Vector3 = Vector3(100.0, 0.0, 100.0)
+## When an episode ends.
+@export var episode_mode: Episode = Episode.AGENT
+## Ticks that pass between a reset and the first observation. Isolated layout only.
+@export_range(0, 10000) var settle_ticks: int = 0
+## Slots kept free for agents that join later: policy name to count.
+@export var spare_slots: Dictionary[String, int] = {}
+
+## The world's random stream. Use nothing else for randomness in the game.
+var rng := RandomNumberGenerator.new()
+## Agents that entered the scene and have no slot yet.
+var newcomers: Array[LudusAgent] = []
+## What the trainer chose for this world, by name; survives from episode to episode.
+var parameters: Dictionary = {}
+## Index of this world among all worlds of all engines.
+var index: int = 0
+## Number of episodes begun since the last seeded reset.
+var num_episodes: int = 0
+## Number of episodes begun since the world was made.
+var num_beginnings: int = 0
+## Whether the episode that has begun can be observed; false while a [LudusSimulation] awaits ticks
+## to begin it.
+var is_ready: bool = true
+## Whether people see this copy of the scene: what only draws may be left out where they do not.
+var is_drawn: bool = DisplayServer.get_name() != "headless"
+## Root of this copy of the scene.
+var root: Node
+
+var _seed: int = 0
+
+
+## Returns the world that [param node] belongs to. A scene that runs on its own becomes a world at
+## the first call.
+static func of(node: Node) -> LudusWorld:
+	var world := find_above(node)
+	return world if world != null else _adopt(node)
+
+
+## Returns the world that [param node] belongs to, or null.
+static func find_above(node: Node) -> LudusWorld:
+	var ancestor := node
+	while ancestor != null:
+		if ancestor.has_meta(META_NAME):
+			return ancestor.get_meta(META_NAME)
+		ancestor = ancestor.get_parent()
+	return null
+
+
+static func _adopt(node: Node) -> LudusWorld:
+	var scene_root: Node = node.owner if node.owner != null else node
+	var world := find_in(scene_root)
+	if world == null:
+		world = LudusWorld.new()
+		scene_root.add_child(world, false, Node.INTERNAL_MODE_BACK)
+	world.attach(scene_root)
+	world.set_seed(randi())
+	world.begin_episode()
+	return world
+
+
+## Returns the world node in a scene, or null.
+static func find_in(scene_root: Node) -> LudusWorld:
+	for child: Node in scene_root.get_children(true):
+		if child is LudusWorld:
+			return child
+	return null
+
+
+## Makes this the world of everything under [param scene_root].
+func attach(scene_root: Node) -> void:
+	root = scene_root
+	root.set_meta(META_NAME, self)
+
+
+## Goes on where the world that this one replaces stood.
+func take_over(old: LudusWorld) -> void:
+	parameters = old.parameters
+	num_episodes = old.num_episodes
+	_seed = old._seed
+
+
+## Starts the random stream anew: the next episode is the first one of [param value].
+func set_seed(value: int) -> void:
+	_seed = value
+	num_episodes = 0
+
+
+## Moves the random stream to the next episode. The stream is a function of the seed and the number
+## of the episode only (PROTOCOL.md §5).
+func begin_episode() -> void:
+	rng.seed = _seed * SEED_FACTOR + num_episodes * EPISODE_FACTOR
+	num_episodes += 1
+	num_beginnings += 1
+
+
+func _get_configuration_warnings() -> PackedStringArray:
+	var warnings := PackedStringArray()
+	if get_parent() != owner:
+		warnings.append("Put LudusWorld directly under the root of the scene.")
+	if layout == Layout.GRID and settle_ticks > 0:
+		warnings.append(
+			"settle_ticks needs the isolated layout: in the grid no world can tick alone."
+		)
+	if layout == Layout.GRID and spacing.is_zero_approx():
+		warnings.append("spacing is zero: all copies would lie in one place.")
+	if layout == Layout.GRID and not (owner is Node2D or owner is Node3D):
+		warnings.append("The grid needs a scene whose root is a Node2D or a Node3D.")
+	return warnings

@@ -1,0 +1,214 @@
+extends Node
+## Makes copies of a scene and keeps them apart (ARCHITECTURE.md, world cloning).
+
+const LudusViews := preload("res://addons/ludus/world/views.gd")
+
+## The worlds, in order.
+var worlds: Array[LudusWorld] = []
+## The layout in use.
+var layout: LudusWorld.Layout = LudusWorld.Layout.ISOLATED
+## Why [method build] failed.
+var error: String = ""
+## The scene that the worlds are copies of.
+var scene: PackedScene
+## How many worlds are drawn, where there is a window. Of worlds in a 3D grid it is the first.
+var num_drawn: int = 1
+
+var _spaces: Array[SubViewport] = []
+var _views: LudusViews
+var _num_worlds: int = 1
+var _first_world: int = 0
+var _layout_name: String = "scene"
+## Worlds that are drawn.
+var _num_views: int = 0
+
+
+## Worlds stop when the tree is paused, unlike the bridge above them.
+func _init() -> void:
+	process_mode = Node.PROCESS_MODE_PAUSABLE
+
+
+## Chooses what [method build] makes: [param num_worlds] copies of [param world_scene], numbered
+## from [param first_world]; [param layout_name] is [code]scene[/code], [code]isolated[/code] or
+## [code]grid[/code].
+func configure(
+	world_scene: PackedScene, num_worlds: int, first_world: int, layout_name: String
+) -> void:
+	scene = world_scene
+	_num_worlds = num_worlds
+	_first_world = first_world
+	_layout_name = layout_name
+
+
+## Makes all worlds anew, in fresh physics spaces. Returns false and sets [member error] if the
+## scene does not fit the layout. Parameters of the worlds are kept.
+func build() -> bool:
+	var parameters: Array[Dictionary] = []
+	for world: LudusWorld in worlds:
+		parameters.append(world.parameters)
+	clear()
+	_num_views = mini(num_drawn, _num_worlds) if _has_window() else 0
+	for i: int in _num_worlds:
+		var root := scene.instantiate()
+		var world := _prepare(root, i)
+		if i < parameters.size():
+			world.parameters = parameters[i]
+		if i == 0 and not _choose_layout(world, root):
+			root.free()
+			return false
+		if i == 0 or layout == LudusWorld.Layout.ISOLATED:
+			_spaces.append(_add_space(world.is_drawn))
+		world.layout = layout
+		if layout == LudusWorld.Layout.GRID:
+			_place(root, i, worlds[0].spacing)
+		_spaces[-1].add_child(root)
+		if i > 0 and world.is_drawn and layout == LudusWorld.Layout.GRID:
+			_views.look_at_world(world, worlds[0])
+	# Deferred: inside a tick Godot takes a new camera at the address of one that was just freed for
+	# that one, and does not make it current.
+	_show_first.call_deferred()
+	return true
+
+
+## Makes one world anew at its place and returns it. Seed, episode and parameters are kept.
+func rebuild_world(i: int) -> LudusWorld:
+	var old := worlds[i]
+	var space := _spaces[i if layout == LudusWorld.Layout.ISOLATED else 0]
+	var root := scene.instantiate()
+	var world := _prepare(root, i)
+	world.take_over(old)
+	worlds.pop_back()
+	worlds[i] = world
+	world.layout = layout
+	if layout == LudusWorld.Layout.GRID:
+		_place(root, i, world.spacing)
+	old.root.free()
+	space.add_child(root)
+	return world
+
+
+## Removes all worlds.
+func clear() -> void:
+	worlds.clear()
+	_spaces.clear()
+	_views = null
+	for child: Node in get_children():
+		remove_child(child)
+		child.free()
+
+
+## Stops the physics of all worlds but some, or lets all go on. Only the isolated layout can.
+func set_running(running: Array[LudusWorld]) -> void:
+	var all := running.is_empty()
+	get_tree().paused = not all
+	PhysicsServer2D.set_active(true)
+	PhysicsServer3D.set_active(true)
+	for world: LudusWorld in worlds:
+		var runs := all or world in running
+		if world.root is LudusSimulationHost:
+			(world.root as LudusSimulationHost).set_running(runs, not all)
+		else:
+			var viewport := world.root.get_viewport()
+			PhysicsServer2D.space_set_active(viewport.world_2d.space, runs)
+			PhysicsServer3D.space_set_active(viewport.find_world_3d().space, runs)
+		world.root.process_mode = (
+			Node.PROCESS_MODE_ALWAYS if runs and not all else Node.PROCESS_MODE_INHERIT
+		)
+
+
+## Cameras of agents draw without one.
+static func _has_window() -> bool:
+	return DisplayServer.get_name() != "headless" and RenderingServer.render_loop_enabled
+
+
+func _prepare(root: Node, i: int) -> LudusWorld:
+	var world := LudusWorld.find_in(root)
+	if world == null:
+		world = LudusWorld.new()
+		root.add_child(world, false, Node.INTERNAL_MODE_BACK)
+	world.attach(root)
+	world.index = _first_world + i
+	world.is_drawn = i < _num_views
+	worlds.append(world)
+	return world
+
+
+func _choose_layout(world: LudusWorld, root: Node) -> bool:
+	layout = world.layout
+	if _layout_name != "scene":
+		layout = (LudusWorld.Layout.GRID if _layout_name == "grid" else LudusWorld.Layout.ISOLATED)
+	if layout == LudusWorld.Layout.ISOLATED:
+		return true
+	if root is Node3D:
+		_num_views = mini(_num_views, 1)
+	if root is not Node2D and root is not Node3D:
+		error = "the grid needs a scene whose root is a Node2D or Node3D, not %s" % root.get_class()
+	elif world.settle_ticks > 0:
+		error = "settle_ticks needs the isolated layout: in the grid no world can tick alone"
+	elif _num_worlds > 1 and _axes(root, world.spacing).is_empty():
+		error = "the grid needs LudusWorld.spacing, larger than anything in a world reaches"
+	return error.is_empty()
+
+
+## Each space is a viewport with its own 2D and 3D worlds.
+func _add_space(is_seen: bool) -> SubViewport:
+	if is_seen:
+		return _add_seen_space()
+	var viewport := SubViewport.new()
+	viewport.own_world_3d = true
+	viewport.size = Vector2i(2, 2)
+	viewport.render_target_update_mode = SubViewport.UPDATE_DISABLED
+	viewport.disable_3d = _num_views == 0
+	add_child(viewport)
+	return viewport
+
+
+func _add_seen_space() -> SubViewport:
+	if _views == null:
+		_views = LudusViews.new(_num_views)
+		add_child(_views)
+	var viewport := _views.add_view()
+	viewport.own_world_3d = true
+	viewport.render_target_update_mode = SubViewport.UPDATE_WHEN_VISIBLE
+	viewport.msaa_3d = get_viewport().msaa_3d
+	return viewport
+
+
+## All copies in a grid bring a camera; the first world's is the one to look through.
+func _show_first() -> void:
+	for world: LudusWorld in worlds:
+		if not world.is_drawn or (layout == LudusWorld.Layout.GRID and world != worlds[0]):
+			continue
+		for camera: Node in world.root.find_children("*", "Camera3D", true, false):
+			if camera is not LudusCamera3D:
+				(camera as Camera3D).make_current()
+		for camera: Node in world.root.find_children("*", "Camera2D", true, false):
+			(camera as Camera2D).make_current()
+
+
+## Copies lie in a block around the origin, where floats are most precise.
+func _place(root: Node, i: int, spacing: Vector3) -> void:
+	var axes := _axes(root, spacing)
+	if axes.is_empty():
+		return
+	var side := ceili(pow(_num_worlds, 1.0 / axes.size()) - 1e-9)
+	var place := Vector3.ZERO
+	var rest := i
+	for axis: int in axes:
+		place[axis] = (rest % side - (side - 1) / 2) * spacing[axis]
+		rest /= side
+	if root is LudusSimulationHost:
+		(root as LudusSimulationHost).place(place)
+	elif root is Node2D:
+		(root as Node2D).position += Vector2(place.x, place.y)
+	else:
+		(root as Node3D).position += place
+
+
+## The axes along which copies are put.
+static func _axes(root: Node, spacing: Vector3) -> PackedInt32Array:
+	var axes := PackedInt32Array()
+	for axis: int in 2 if root is Node2D and root is not LudusSimulationHost else 3:
+		if spacing[axis] > 0.0:
+			axes.append(axis)
+	return axes

@@ -1,0 +1,75 @@
+"""References of a project to scripts of the add-on that have moved since it was written."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from ludus.disk import write_atomically
+
+__all__ = ["moved_scripts", "rewrite_references"]
+
+_SUFFIXES = {".cfg", ".gd", ".godot", ".tres", ".tscn"}
+"""Text files that name scripts. Binary scenes find theirs by uid, which moves along."""
+
+
+def moved_scripts(bundled: Iterable[str]) -> dict[str, str]:
+    """Map the names that scripts had in a flat folder to where they are now.
+
+    The first versions had all scripts side by side, and all names began with ``ludus_``. Now only
+    those of scripts that users place, extend or name do.
+
+    Args:
+        bundled: Files of the add-on, relative to its folder.
+    """
+    moved: dict[str, str] = {}
+    for path in bundled:
+        folder, _, name = path.rpartition("/")
+        if folder and name.endswith(".gd"):
+            moved[name if name.startswith("ludus_") else f"ludus_{name}"] = path
+    return moved
+
+
+def rewrite_references(root: Path, folder: str, moved: dict[str, str]) -> tuple[str, ...]:
+    """Rewrite the paths of moved scripts in all scenes, resources, scripts and settings.
+
+    Args:
+        root: Folder of the project.
+        folder: Folder of the add-on in it, which is left alone itself.
+        moved: Old names to new paths, both relative to that folder.
+
+    Returns:
+        The files that were changed, relative to the project.
+
+    Raises:
+        OSError: A file cannot be read or written.
+    """
+    if not moved:
+        return ()
+    prefix = f"res://{folder}/".encode()
+    names = "|".join(re.escape(name) for name in sorted(moved))
+    pattern = re.compile(re.escape(prefix) + rb"(" + names.encode() + rb")\b")
+    changed: list[str] = []
+    for file in _text_files(root, root / folder):
+        before = file.read_bytes()
+        after = pattern.sub(lambda match: prefix + moved[match[1].decode()].encode(), before)
+        if after != before:
+            mode = file.stat().st_mode
+            write_atomically(file, after)
+            file.chmod(mode)
+            changed.append(file.relative_to(root).as_posix())
+    return tuple(changed)
+
+
+def _text_files(root: Path, left_out: Path) -> Iterator[Path]:
+    for place, folders, names in os.walk(root):
+        here = Path(place)
+        folders[:] = sorted(
+            name for name in folders if not name.startswith(".") and here / name != left_out
+        )
+        for name in sorted(names):
+            file = here / name
+            if file.suffix in _SUFFIXES and not file.is_symlink():
+                yield file

@@ -1,0 +1,31 @@
+"""What to export, and where to: everything that ``ludus export`` can be told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+__all__ = ["ExportConfig"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportConfig:
+    """What to export, and where to.
+
+    Attributes:
+        run: Run folder, or one of its checkpoints.
+        policy: Export only this policy; none exports all.
+        to: A file, if there is one policy; a folder; or a pattern such as models/{policy}.onnx.
+            None writes .ludus.json files into the run's folder.
+        checkpoint: "newest", "best" (the highest mean return), or one of the run's checkpoints.
+        is_tested: Test that every runtime computes what was trained, the game engine included.
+        godot: Godot to test with; none is the run's, or the one that ludus finds. A run in a Bevy
+            game is tested with that game.
+    """
+
+    run: Path
+    policy: str | None = None
+    to: str | None = None
+    checkpoint: str = "newest"
+    is_tested: bool = True
+    godot: Path | None = None

@@ -1,0 +1,37 @@
+"""Only what users place, extend or name is a global class of their project."""
+
+from __future__ import annotations
+
+import re
+
+from ludus.addon import ADDON_PATH
+from ludus.engine import EngineKind
+from ludus.engine.bundled import bundled_root
+
+PUBLIC = {
+    "LudusActionComponent",
+    "LudusAgent",
+    "LudusBridge",
+    "LudusCamera2D",
+    "LudusCamera3D",
+    "LudusObservationEntry",
+    "LudusPace",
+    "LudusPolicy",
+    "LudusPolicyPlayer",
+    "LudusPolicySettings",
+    "LudusSimulation",
+    "LudusSimulationHost",
+    "LudusTraining",
+    "LudusWorld",
+}
+
+
+def test_global_classes_are_the_public_ones() -> None:
+    found: dict[str, str] = {}
+    for path in (bundled_root(EngineKind.GODOT4) / ADDON_PATH).rglob("*.gd"):
+        for name in re.findall(r"^class_name (\w+)", path.read_text(), flags=re.MULTILINE):
+            found[name] = path.stem
+    assert set(found) == PUBLIC
+    assert {name.lower() for name in found} == {stem.replace("_", "") for stem in found.values()}, (
+        "the file of a public class is named after it"
+    )
