@@ -158,7 +158,7 @@ fn admit_newcomers(world: &mut World, stage: &mut Stage) {
     }
 }
 
-/// Finds a free slot, unless the agent has gone or has one. Without one the game is told.
+/// Finds a free slot, unless the agent has gone or has one. That there is none is an error.
 fn free_slot(world: &World, stage: &mut Stage, entity: Entity) -> Option<Slot> {
     let agent = world.get::<Agent>(entity)?;
     if world.get::<Slot>(entity).is_some() {

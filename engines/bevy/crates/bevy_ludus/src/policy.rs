@@ -53,7 +53,7 @@ impl Policy {
         entries
     }
 
-    /// Cuts episodes off after so many steps.
+    /// Truncates episodes after this many steps.
     #[must_use]
     pub fn max_episode_steps(mut self, steps: u32) -> Self {
         self.max_episode_steps = Some(steps);

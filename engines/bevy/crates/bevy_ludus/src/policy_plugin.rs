@@ -94,7 +94,7 @@ enum Source {
 pub(crate) struct PolicySources {
     sources: Vec<(String, Source)>,
     pub is_sampling: bool,
-    /// Whether every episode that ends is told on the standard output.
+    /// Whether a line is printed for every episode that ends.
     pub has_report: bool,
     /// Whether every update of the app is a step, whatever the clock on the wall says.
     pub is_uncapped: bool,

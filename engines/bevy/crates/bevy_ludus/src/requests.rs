@@ -1,4 +1,4 @@
-//! What the game asks of the trainer, and what it is told of the training (PROTOCOL.md §8).
+//! What the game asks of the trainer, and how it learns about the training (PROTOCOL.md §8).
 
 use bevy_ecs::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -83,7 +83,7 @@ impl Requests {
 pub struct PolicyStatus {
     /// The mode it is in.
     pub mode: String,
-    /// Mean return of its last episodes; none as long as there is none.
+    /// Mean return of its last episodes; none before the first has ended.
     pub mean_return: Option<f64>,
 }
 

@@ -150,7 +150,7 @@ impl Stage {
             .any(|slot| self.rosters[slot.policy].active[slot.index] == 1)
     }
 
-    /// Returns whether every agent that a world begins with is there, and nobody else.
+    /// Returns whether a world has exactly the agents that it begins with.
     pub fn is_complete(&self, world: usize) -> bool {
         self.slots_of(world).iter().all(|slot| {
             let roster = &self.rosters[slot.policy];

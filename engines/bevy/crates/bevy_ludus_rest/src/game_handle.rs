@@ -64,7 +64,7 @@ impl GameHandle {
         self.num_open.load(Ordering::Relaxed) > 0
     }
 
-    /// Lets the game do what a client asks for. Nobody else has a turn while the guard lives.
+    /// Lets the game do what a client asks for. No other client has a turn while the guard lives.
     ///
     /// # Errors
     /// The game did not answer in time (504), others took all the time (503), or it has ended (503).

@@ -158,7 +158,7 @@ async fn serve(stream: TcpStream, game: Arc<GameHandle>, connection: Arc<Connect
     http.header_read_timeout(None);
     let mut served = pin!(http.serve_connection(stream, service));
     let mut overdue = pin!(connection.overdue());
-    // A connection that breaks has nobody left to tell.
+    // An error is that of a connection that broke: there is no client left to answer.
     poll_fn(|context| match served.as_mut().poll(context) {
         Poll::Ready(_) => Poll::Ready(()),
         Poll::Pending => overdue.as_mut().poll(context),

@@ -38,7 +38,7 @@ where
     A: 'static + Send + Sync + Clone,
     B: 'static + Send + Sync + Clone,
 {
-    /// Begins with rewards of 0, and with nobody's end.
+    /// Begins with rewards of 0, and no agent ended.
     #[must_use]
     pub fn new(settings: AIGymSettings) -> Self {
         let num_agents = settings.num_agents as usize;
@@ -119,7 +119,7 @@ where
         }
     }
 
-    /// Begins a new episode: rewards are 0, nobody has ended, and the client that asked for it is answered.
+    /// Begins a new episode: rewards are 0, no agent has ended, and the client that asked for it is answered.
     pub fn reset(&mut self) {
         self.rewards.fill(0.0);
         self.terminations.fill(false);

@@ -1,4 +1,4 @@
-//! Bevy's renderer, drawing when it is told to.
+//! Bevy's renderer, which draws on demand.
 
 use super::error::PictureError;
 use super::shaders::Shaders;

@@ -10,8 +10,8 @@ use bevy_render::renderer::RenderDevice;
 use std::collections::HashSet;
 use std::time::{Duration, Instant};
 
-/// Shaders that are not compiled so long after others were are those of parts of Bevy that the
-/// game, or this renderer, has not.
+/// Shaders that are still not compiled this long after the last one belong to parts of Bevy that
+/// the game lacks, or that this renderer cannot run.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Index of a pipeline in Bevy's cache.

@@ -4,10 +4,10 @@ use std::time::{Duration, Instant};
 
 /// Two polls are this far apart only if the core was taken away between them.
 const AWAY: Duration = Duration::from_millis(1);
-/// So many misses within [`MISS_WINDOW`] mean nothing: updates, or the system's own work.
+/// This many misses within [`MISS_WINDOW`] mean nothing: updates, or the system's own work.
 const MAX_MISSES: u32 = 5;
 const MISS_WINDOW: Duration = Duration::from_millis(100);
-/// How long nobody polls after that; it doubles each time the core is soon lost again.
+/// How long this side does not poll after that; it doubles each time the core is soon lost again.
 const FIRST_BACKOFF: Duration = Duration::from_millis(100);
 const LONGEST_BACKOFF: Duration = Duration::from_secs(1);
 
@@ -75,7 +75,7 @@ mod tests {
         now
     }
 
-    /// Asserts that the backoff that has begun takes so long; returns when it is over.
+    /// Asserts how long the backoff takes; returns when it is over.
     fn end_of_backoff(poller: &BusyPoller, now: Instant, milliseconds: u32) -> Instant {
         let end = now + milliseconds * MILLISECOND;
         assert!(poller.is_backing_off(end - MILLISECOND));

@@ -220,7 +220,7 @@ impl Link {
         }
     }
 
-    /// Reads until so many bytes have come.
+    /// Reads until this many bytes have come.
     fn fill(&mut self, num_bytes: usize, began: Instant) -> Result<(), LinkError> {
         while self.filled < num_bytes {
             let left = FRAME_TIMEOUT.saturating_sub(began.elapsed());

@@ -123,7 +123,7 @@ fn report_failure(link: &mut crate::link::Link, failure: &Failure) {
         .report()
         .and_then(|it| encode_json(FrameType::Error, &it).ok())
     {
-        // The trainer may be gone; then nobody is left to be told.
+        // An error means that the trainer has gone, and needs no report.
         let _ = link.send(&frame);
     }
 }

@@ -67,7 +67,7 @@ impl Failure {
         }
     }
 
-    /// Returns what the trainer is told; nothing if it has gone or knows.
+    /// Returns the report for the trainer; none if it has gone, or reported the error itself.
     pub fn report(&self) -> Option<ErrorReport> {
         let code = match self {
             Self::Link(LinkError::Wire(_)) => ErrorCode::Frame,
@@ -169,7 +169,7 @@ impl Trainer {
     pub fn report_error(&mut self, report: &ErrorReport) {
         let sent = encode_json(FrameType::Error, report).map(|frame| {
             let _ = self.state.send(FrameType::Error);
-            // The trainer may be gone; then nobody is left to be told.
+            // An error means that the trainer has gone, and needs no report.
             let _ = self.link.send(&frame);
         });
         debug_assert!(sent.is_ok(), "a report is JSON");

@@ -32,7 +32,7 @@ fn an_app_that_exits_frees_its_port() {
 }
 
 #[test]
-fn who_waits_for_an_app_that_exits_is_told_so() {
+fn a_client_of_an_app_that_exits_gets_503() {
     let mut game = Game::start(settings(), Habits::default());
     let mut client = game.client();
     client.step(&["0", "0"]);

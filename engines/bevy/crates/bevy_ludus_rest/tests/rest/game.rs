@@ -136,7 +136,7 @@ pub fn run(app: App, began: impl FnOnce(&App)) -> AppExit {
 }
 
 /// Updates an app until it exits, or until it is to end.
-pub fn run_until(mut app: App, began: impl FnOnce(&App), is_ending: impl Fn() -> bool) -> AppExit {
+fn run_until(mut app: App, began: impl FnOnce(&App), is_ending: impl Fn() -> bool) -> AppExit {
     while app.plugins_state() == PluginsState::Adding {
         std::thread::yield_now();
     }
@@ -149,6 +149,43 @@ pub fn run_until(mut app: App, began: impl FnOnce(&App), is_ending: impl Fn() ->
             Some(exit) => return exit,
             None if is_ending() => return AppExit::Success,
             None => app.update(),
+        }
+    }
+}
+
+/// Any app, on a thread of its own until this is dropped.
+pub struct Running {
+    pub address: SocketAddr,
+    is_ending: Arc<AtomicBool>,
+    thread: Option<JoinHandle<AppExit>>,
+}
+
+impl Running {
+    pub fn start(fill: impl FnOnce(&mut App) + Send + 'static) -> Self {
+        let (tell, told) = channel();
+        let is_ending = Arc::new(AtomicBool::new(false));
+        let ending = Arc::clone(&is_ending);
+        let thread = std::thread::spawn(move || {
+            let mut app = App::new();
+            fill(&mut app);
+            let tell = |app: &App| {
+                let _ = tell.send(app.world().resource::<RestServer>().address());
+            };
+            run_until(app, tell, || ending.load(Ordering::Relaxed))
+        });
+        Self {
+            address: told.recv_timeout(DEADLINE).unwrap(),
+            is_ending,
+            thread: Some(thread),
+        }
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.is_ending.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
         }
     }
 }

@@ -10,6 +10,7 @@ mod game;
 mod lock_step;
 mod pixels;
 mod polling;
+mod published;
 mod refusals;
 mod strangers;
 #[cfg(feature = "camera")]

@@ -2,7 +2,7 @@
 //! systems that poll.
 
 use crate::client::Client;
-use crate::game::run_until;
+use crate::game::Running;
 use bevy_app::TaskPoolPlugin;
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
@@ -12,11 +12,6 @@ use bevy_state::prelude::*;
 use bevy_time::{Time, TimePlugin, Timer, TimerMode};
 use serde::Serialize;
 use serde_json::{Value, json};
-use std::net::SocketAddr;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::channel;
-use std::thread::JoinHandle;
 
 const NUM_AGENTS: u32 = 2;
 /// The game runs this long per action: 5 updates of lock-step.
@@ -138,47 +133,16 @@ fn reset_environment(
     next.set(AppState::InGame);
 }
 
-/// The game, on a thread of its own until it is dropped.
-struct Polled {
-    address: SocketAddr,
-    is_ending: Arc<AtomicBool>,
-    thread: Option<JoinHandle<AppExit>>,
-}
-
-impl Polled {
-    fn start(pause_interval: f32) -> Self {
-        let settings = AIGymSettings {
-            num_agents: NUM_AGENTS,
-            no_graphics: true,
-            port: 0,
-            pause_interval,
-            timeout: 10.0,
-            ..Default::default()
-        };
-        let (tell, told) = channel();
-        let is_ending = Arc::new(AtomicBool::new(false));
-        let ending = Arc::clone(&is_ending);
-        let thread = std::thread::spawn(move || {
-            let mut app = App::new();
-            build(&mut app, settings);
-            let tell = |app: &App| {
-                let _ = tell.send(app.world().resource::<RestServer>().address());
-            };
-            run_until(app, tell, || ending.load(Ordering::Relaxed))
-        });
-        Self {
-            address: told.recv().unwrap(),
-            is_ending,
-            thread: Some(thread),
-        }
-    }
-}
-
-impl Drop for Polled {
-    fn drop(&mut self) {
-        self.is_ending.store(true, Ordering::Relaxed);
-        let _ = self.thread.take().unwrap().join();
-    }
+fn start(pause_interval: f32) -> Running {
+    let settings = AIGymSettings {
+        num_agents: NUM_AGENTS,
+        no_graphics: true,
+        port: 0,
+        pause_interval,
+        timeout: 10.0,
+        ..Default::default()
+    };
+    Running::start(|app| build(app, settings))
 }
 
 fn state(client: &mut Client) -> Value {
@@ -187,7 +151,7 @@ fn state(client: &mut Client) -> Value {
 
 #[test]
 fn polled_steps_are_answered_after_they_were_played() {
-    let game = Polled::start(0.0);
+    let game = start(0.0);
     let mut client = Client::connect(game.address);
     for turn in 1..=20 {
         let answer: Value = serde_json::from_str(&client.step(&["1", "-2"])).unwrap();
@@ -206,7 +170,7 @@ fn polled_steps_are_answered_after_they_were_played() {
 #[test]
 fn polled_resets_begin_episodes_between_steps() {
     for first in ["reset", "step"] {
-        let game = Polled::start(0.0);
+        let game = start(0.0);
         let mut client = Client::connect(game.address);
         if first == "step" {
             client.step(&["3", "3"]);
@@ -228,7 +192,7 @@ fn polled_resets_begin_episodes_between_steps() {
 
 #[test]
 fn a_polling_game_with_a_timer_plays_each_action_once() {
-    let game = Polled::start(0.001);
+    let game = start(0.001);
     let mut client = Client::connect(game.address);
     for turn in 1..=4 {
         client.step(&["1", "0"]);
@@ -240,7 +204,7 @@ fn a_polling_game_with_a_timer_plays_each_action_once() {
 
 #[test]
 fn a_polling_game_that_waits_rests() {
-    let game = Polled::start(0.0);
+    let game = start(0.0);
     let mut client = Client::connect(game.address);
     client.step(&["1", "0"]);
     let before = state(&mut client);
