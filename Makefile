@@ -24,6 +24,7 @@ UV_ENVIRONMENT = $(if $(strip $(PIP_INDEX)),UV_DEFAULT_INDEX=$(strip $(PIP_INDEX
 BEVY_PROJECT := engines/bevy
 # Not --all-features: the former feature `rest` of bevy_ludus is an error that names the crate for it.
 BEVY_FEATURES := bevy_ludus/camera bevy_ludus_rest/camera cartpole/view shooter/pixels
+WEB := wasm32-unknown-unknown
 CARGO_HINT := install Rust 1.95 or newer from https://rustup.rs
 # What Cargo builds is kept from one checkout to the next.
 export CARGO_TARGET_DIR ?= $(if $(XDG_CACHE_HOME),$(XDG_CACHE_HOME),$(HOME)/.cache)/ludus/cargo
@@ -69,11 +70,15 @@ lint-scripts: .venv/.ready .venv/gdtoolkit3/.ready
 	cd $(GODOT3_PROJECT) && ../../$(BIN3)/gdlint $(GDSCRIPT3)
 	cd $(GODOT3_PROJECT) && ../../$(BIN3)/gdformat --check -l 100 $(GDSCRIPT3)
 
-# Compiles Bevy once, without code: Clippy and the documentation share it.
+# Checks Bevy once, without making code: Clippy and the documentation share it. Then its core once more, for the web, where a
+# game has no trainer.
 lint-rust: cargo
 	cd $(BEVY_PROJECT) && cargo fmt --check
 	cd $(BEVY_PROJECT) && cargo clippy --locked --workspace --features '$(BEVY_FEATURES)' --all-targets -- -D warnings
 	cd $(BEVY_PROJECT) && RUSTDOCFLAGS='-D warnings' cargo doc --locked --workspace --features '$(BEVY_FEATURES)' --no-deps
+	@if test -d "$$(rustc --print target-libdir --target $(WEB))"; then set -x; cd $(BEVY_PROJECT) && \
+		cargo clippy --locked --target $(WEB) --package bevy_ludus --no-default-features -- -D warnings; \
+	else echo "left out: bevy_ludus on the web needs \`rustup target add $(WEB)\`"; test -z "$$CI"; fi
 
 # What opening a window takes includes what runs without one, so this comes in place of `setup`.
 renderers: .venv/.ready

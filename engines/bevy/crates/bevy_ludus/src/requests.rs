@@ -55,7 +55,11 @@ impl Requests {
         }
         self.is_heard
     }
+}
 
+/// The trainer's side.
+#[cfg(feature = "trainer")]
+impl Requests {
     /// Lets requests in.
     pub(crate) fn open(&mut self) {
         self.is_heard = true;
