@@ -55,8 +55,15 @@ def package(crates: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "src").mkdir()
     manifest = block("toml")
     assert CHECKOUT in manifest
-    patch = f'\n[patch.crates-io]\nbevy_ludus_derive = {{ path = "{crates}/bevy_ludus_derive" }}\n'
-    (folder / "Cargo.toml").write_text(manifest.replace(CHECKOUT, str(crates)) + patch)
+    # The crate for the macros is not on crates.io; and this builds on the Bevy of the examples.
+    more = f"""
+[dependencies.workspace_hack]
+path = "{WORKSPACE}/workspace_hack"
+
+[patch.crates-io]
+bevy_ludus_derive = {{ path = "{crates}/bevy_ludus_derive" }}
+"""
+    (folder / "Cargo.toml").write_text(manifest.replace(CHECKOUT, str(crates)) + more)
     shutil.copy(WORKSPACE / "Cargo.lock", folder)
     return folder
 
@@ -82,7 +89,9 @@ def test_a_crate_holds_all_that_it_needs(crates: Path, crate: str) -> None:
     assert {"description", "license", "keywords", "categories"} <= manifest["package"].keys()
     if crate == "bevy_ludus":
         golden = crates / crate / "tests/golden"
-        assert (golden / "hello.bin").read_bytes() == (ROOT / "protocol/golden/hello.bin").read_bytes()
+        assert (golden / "hello.bin").read_bytes() == (
+            ROOT / "protocol/golden/hello.bin"
+        ).read_bytes()
         assert list((golden / "policies").glob("*.ludus.json"))
 
 
