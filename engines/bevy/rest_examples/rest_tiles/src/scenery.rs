@@ -23,7 +23,7 @@ use bevy_transform::components::Transform;
 
 /// Of an agent's picture, tiles.
 const VIEW: f32 = 3.0;
-/// From row to row, tiles: nobody sees the row of another one.
+/// From row to row, tiles: no agent sees the row of another one.
 const ROW_DISTANCE: f32 = 10.0;
 /// Before the tiles, so that it hides the one behind it.
 const GOAL_DEPTH: f32 = 0.5;

@@ -1,4 +1,4 @@
-//! `#[derive(Observe)]`.
+//! `#[derive(ObservationSpace)]`.
 
 use crate::field::{Field, check_names, fields_of};
 use proc_macro2::TokenStream;
@@ -15,7 +15,7 @@ pub fn expand(input: &DeriveInput) -> Result<TokenStream> {
     let name = &input.ident;
     let (generics, arguments, bounds) = input.generics.split_for_impl();
     Ok(quote! {
-        impl #generics ::bevy_ludus::space::Observe for #name #arguments #bounds {
+        impl #generics ::bevy_ludus::space::ObservationSpace for #name #arguments #bounds {
             fn entries() -> ::std::vec::Vec<::bevy_ludus::wire::ObservationEntry> {
                 ::std::vec![#(#entries),*]
             }

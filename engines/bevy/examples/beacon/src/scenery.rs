@@ -1,4 +1,4 @@
-//! How the world looks. All colours are as they are said to be: nothing is lit or shaded.
+//! How the world scenery. All colours are as they are said to be: nothing is lit or shaded.
 
 use crate::{Beacon, NUM_WATCHERS, Watcher};
 use bevy_asset::{Assets, Handle};
@@ -25,13 +25,13 @@ const FILM_HEIGHT: f32 = 15.0;
 
 /// Shapes that all worlds share.
 #[derive(Resource)]
-pub struct Looks {
+pub struct Scenery {
     beacon: Handle<Mesh>,
     pointer: Handle<Mesh>,
     pointer_material: Handle<StandardMaterial>,
 }
 
-impl FromWorld for Looks {
+impl FromWorld for Scenery {
     fn from_world(world: &mut World) -> Self {
         let mut meshes = world.resource_mut::<Assets<Mesh>>();
         let beacon = meshes.add(Cuboid::new(BEACON_WIDTH, BEACON_HEIGHT, BEACON_WIDTH));
@@ -57,14 +57,14 @@ fn plain(base_color: Color) -> StandardMaterial {
 pub fn fill_world(
     add: On<Add, LudusWorld>,
     mut commands: Commands,
-    looks: Res<Looks>,
+    scenery: Res<Scenery>,
     mut materials: ResMut<Assets<StandardMaterial>>,
 ) {
     let home = InWorld(add.entity);
     commands.spawn((
         Beacon::default(),
         home,
-        Mesh3d(looks.beacon.clone()),
+        Mesh3d(scenery.beacon.clone()),
         MeshMaterial3d(materials.add(plain(Color::WHITE))),
     ));
     for _ in 0..NUM_WATCHERS {
@@ -81,10 +81,10 @@ pub fn fill_world(
         // Only films show which way a watcher looks; its own eye is in front of it.
         let pointer = Transform::from_xyz(0.0, -1.5, -0.6)
             .with_rotation(bevy_math::Quat::from_rotation_x(-FRAC_PI_2));
-        let material = MeshMaterial3d(looks.pointer_material.clone());
+        let material = MeshMaterial3d(scenery.pointer_material.clone());
         commands.spawn((
             ChildOf(watcher),
-            Mesh3d(looks.pointer.clone()),
+            Mesh3d(scenery.pointer.clone()),
             material,
             pointer,
         ));

@@ -1,4 +1,4 @@
-//! `#[derive(Act)]`.
+//! `#[derive(ActionSpace)]`.
 
 use crate::field::{Field, Options, check_names, fields_of};
 use proc_macro2::TokenStream;
@@ -23,7 +23,7 @@ fn expand_struct(input: &DeriveInput) -> Result<TokenStream> {
     let name = &input.ident;
     let (generics, arguments, bounds) = input.generics.split_for_impl();
     Ok(quote! {
-        impl #generics ::bevy_ludus::space::Act for #name #arguments #bounds {
+        impl #generics ::bevy_ludus::space::ActionSpace for #name #arguments #bounds {
             fn components() -> ::std::vec::Vec<::bevy_ludus::wire::ActionComponent> {
                 ::std::vec![#(#components),*]
             }
@@ -126,7 +126,7 @@ fn expand_enum(input: &DeriveInput, data: &DataEnum) -> Result<TokenStream> {
             }
         }
 
-        impl ::bevy_ludus::space::Act for #name {
+        impl ::bevy_ludus::space::ActionSpace for #name {
             fn components() -> ::std::vec::Vec<::bevy_ludus::wire::ActionComponent> {
                 let bound = ::bevy_ludus::wire::Bound::from(0.0);
                 let kind = <Self as ::bevy_ludus::space::ActionPart>::kind(bound.clone(), bound);

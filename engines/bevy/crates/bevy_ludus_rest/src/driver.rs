@@ -1,8 +1,8 @@
-//! Who lets the connections move on: the game while it waits for them, else a thread of the server.
+//! Which thread lets the connections move on: the game's while it waits for them, else the server's.
 //!
 //! A request that is handed from thread to thread costs two more wake-ups, which take longer than
-//! the step of a small game. So the game takes the seat of the server's thread for as long as it
-//! waits. The thread looks in from time to time, and sits down when the game stays away.
+//! the step of a small game. So the game's thread drives the runtime for as long as it waits. The
+//! server's thread looks in from time to time, and takes over when the game stays away.
 
 use std::future::poll_fn;
 use std::pin::{Pin, pin};
@@ -14,31 +14,31 @@ use std::time::{Duration, Instant};
 use tokio::runtime::Runtime;
 use tokio::sync::Notify;
 
-/// How often the thread of the server looks whether the game still comes to the seat.
+/// How often the thread of the server looks whether the game still drives.
 const LOOK_IN: Duration = Duration::from_millis(10);
 /// How long a game in play looks for the next request before it sleeps; waking up takes longer than
 /// the step of a small game. Only where a core is left for the client.
 const SPIN: Duration = Duration::from_micros(200);
 
-/// Of the one seat from which connections are served.
+/// Hands the runtime, which one thread at a time can drive, from one to the other.
 #[derive(Debug, Default)]
-pub(super) struct Seat {
+pub(super) struct RuntimeDriver {
     /// Comings and goings of the game: odd while it is here.
     visits: AtomicU64,
-    is_taken_by_server: AtomicBool,
+    is_server_driving: AtomicBool,
     is_closing: AtomicBool,
     /// Whether the last visit of the game ended with a request, so that the next is near.
     is_in_play: AtomicBool,
     called: Notify,
 }
 
-impl Seat {
+impl RuntimeDriver {
     /// Serves connections on the thread of the game until a future is done.
     ///
     /// Must not be called from within an asynchronous runtime.
-    pub fn sit_until(&self, runtime: &Runtime, limit: Duration, done: impl Future<Output = ()>) {
+    pub fn drive_until(&self, runtime: &Runtime, limit: Duration, done: impl Future<Output = ()>) {
         self.visits.fetch_add(1, SeqCst);
-        if self.is_taken_by_server.load(SeqCst) {
+        if self.is_server_driving.load(SeqCst) {
             self.called.notify_one();
         }
         let is_done = runtime.block_on(async {
@@ -51,13 +51,13 @@ impl Seat {
     }
 
     /// Serves connections on the thread of the server whenever the game does not, until the end.
-    pub fn keep(&self, runtime: &Arc<Runtime>) {
+    pub fn drive_in_background(&self, runtime: &Arc<Runtime>) {
         while !self.is_closing.load(SeqCst) {
-            self.is_taken_by_server.store(true, SeqCst);
+            self.is_server_driving.store(true, SeqCst);
             if self.visits.load(SeqCst).is_multiple_of(2) {
                 runtime.block_on(self.called.notified());
             }
-            self.is_taken_by_server.store(false, SeqCst);
+            self.is_server_driving.store(false, SeqCst);
             self.watch();
         }
     }
@@ -76,11 +76,11 @@ impl Seat {
         }
     }
 
-    /// Lets [`Seat::keep`] return.
-    pub fn close(&self, keeper: &Thread) {
+    /// Lets [`RuntimeDriver::drive_in_background`] return.
+    pub fn close(&self, thread: &Thread) {
         self.is_closing.store(true, SeqCst);
         self.called.notify_one();
-        keeper.unpark();
+        thread.unpark();
     }
 }
 

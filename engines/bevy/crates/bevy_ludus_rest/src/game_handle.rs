@@ -1,10 +1,10 @@
 //! What the server knows of the game, and how clients take turns.
 
-use super::desk::{Ask, Desk};
 use super::error::Refusal;
 use super::export::Export;
 #[cfg(feature = "camera")]
 use super::pixels::Pictures;
+use super::queue::{Ask, RequestQueue};
 use hyper::StatusCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -13,9 +13,9 @@ use tokio::sync::{Mutex, MutexGuard};
 use tokio::time::{Instant, timeout_at};
 
 /// The game, as the server sees it.
-pub(super) struct Front {
+pub(super) struct GameHandle {
     pub export: Box<dyn Export>,
-    pub desk: Arc<Desk>,
+    pub queue: Arc<RequestQueue>,
     pub num_agents: usize,
     /// None where nothing draws.
     #[cfg(feature = "camera")]
@@ -28,7 +28,7 @@ pub(super) struct Front {
 }
 
 /// Counts a request as open for as long as it lives.
-pub(super) struct Open<'front>(&'front Front);
+pub(super) struct Open<'game>(&'game GameHandle);
 
 impl Drop for Open<'_> {
     fn drop(&mut self) {
@@ -36,16 +36,16 @@ impl Drop for Open<'_> {
     }
 }
 
-impl Front {
+impl GameHandle {
     pub fn new(
         export: Box<dyn Export>,
-        desk: Arc<Desk>,
+        queue: Arc<RequestQueue>,
         num_agents: usize,
         timeout: Duration,
     ) -> Self {
         Self {
             export,
-            desk,
+            queue,
             num_agents,
             #[cfg(feature = "camera")]
             pictures: None,
@@ -64,7 +64,7 @@ impl Front {
         self.num_open.load(Ordering::Relaxed) > 0
     }
 
-    /// Lets the game do what a client asks for. Nobody else has a turn while the guard lives.
+    /// Lets the game do what a client asks for. No other client has a turn while the guard lives.
     ///
     /// # Errors
     /// The game did not answer in time (504), others took all the time (503), or it has ended (503).
@@ -76,7 +76,7 @@ impl Front {
                 "was busy with other clients",
             ));
         };
-        let answered = self.desk.submit(ask, deadline.into_std())?;
+        let answered = self.queue.submit(ask, deadline.into_std())?;
         match timeout_at(deadline, answered).await {
             Ok(Ok(())) => Ok(turn),
             Ok(Err(_)) => Err(Refusal::ended()),
@@ -90,7 +90,7 @@ impl Front {
             status,
             format!(
                 "the game {what} for {seconds} s\nhint: it must go to \
-                 SimulationState::PausedForControl, where it hears requests; \
+                 SimulationState::PausedForControl, or ask is_next_action(), to hear requests; \
                  AIGymSettings::timeout sets this time"
             ),
         )
