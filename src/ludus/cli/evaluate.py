@@ -6,6 +6,7 @@ import json
 import sys
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
@@ -20,20 +21,20 @@ class EvaluateCommand(ActionFlags, GameFlags):
     """Play complete episodes with trained agents, or at random, and report their returns.
 
     Attributes:
-        run: Run folder, whose newest checkpoint is taken, or one of its checkpoints; with --policy
-            or --random a game will do, too.
+        run: Run folder, whose newest checkpoint is used, or one of its checkpoints; with --policy
+            or --random, a game works as well.
         policy: Run folder or checkpoint of trained agents; or policy files (.ludus.json), one for
             each policy of the game. Empty: those of the run.
         episodes: Episodes of each policy.
         random: Take random actions.
-        stochastic: Draw actions as in training; with names, only those policies do.
-        goal_return: Tell the share of episodes whose return reaches this.
+        stochastic: Sample actions as in training; with names, only these policies do.
+        goal_return: Also report the share of episodes whose return reaches this.
         seed: Seed of worlds and samples.
         num_engines: Game processes side by side.
         json: Print one JSON object on stdout.
     """
 
-    run: tyro.conf.Positional[str]
+    run: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="RUN")]
     policy: tuple[Path, ...] = ()
     episodes: int = 20
     random: bool = False
