@@ -96,8 +96,9 @@ test: renderers
 	$(PYTEST_PARALLEL) -m 'not alone and not bevy' || failed=1; \
 	exit $$failed
 
+# Of the examples that Hypothesis draws, the inner loop tries a fifth.
 test-fast: .venv/.ready
-	$(PYTEST_PARALLEL) -m 'not engine and not screen and not slow'
+	$(PYTEST_PARALLEL) --hypothesis-profile=fast -m 'not engine and not screen and not slow'
 
 # One after the other: Cargo lets nobody else build meanwhile.
 test-bevy: cargo renderers

@@ -7,6 +7,7 @@
     │   ├── TargetError       the target does not exist or cannot be run
     │   ├── ConfigError       a setting is unknown, of the wrong type or out of range
     │   ├── SequenceError     a method was called before the one it depends on
+    │   ├── ArgumentError     an argument is unknown, or of the wrong type; a TypeError, too
     │   ├── ActionError       an action has the wrong shape, type or value
     │   └── PolicyFileError   a policy file is missing, malformed or contradicts itself
     ├── SetupError            the machine lacks something (exit code 3)
@@ -30,6 +31,7 @@ from collections.abc import Collection
 
 __all__ = [
     "ActionError",
+    "ArgumentError",
     "CheckpointError",
     "ConfigError",
     "DivergenceError",
@@ -94,6 +96,13 @@ class ConfigError(UsageError):
 
 class SequenceError(UsageError):
     """A method was called before the one it depends on."""
+
+
+class ArgumentError(UsageError, TypeError):
+    """An argument of a function is unknown, or of the wrong type.
+
+    Libraries that try arguments one after the other look for Python's ``TypeError``.
+    """
 
 
 class ActionError(UsageError):

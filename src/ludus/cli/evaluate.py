@@ -6,7 +6,7 @@ import json
 import sys
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -24,18 +24,18 @@ class EvaluateCommand(ActionFlags, GameFlags):
     """Play complete episodes with the agents of a run, or at random, and report their returns.
 
     Attributes:
-        run: Run folder, whose newest checkpoint is taken, or one of its checkpoints; with --random
-            a game will do, too.
+        run: Run folder, whose newest checkpoint is used, or one of its checkpoints; with --random,
+            a game works as well.
         episodes: Episodes of each policy.
         random: Take random actions.
-        stochastic: Draw actions as in training; with names, only those policies do.
-        goal_return: Tell the share of episodes whose return reaches this.
+        stochastic: Sample actions as in training; with names, only these policies do.
+        goal_return: Also report the share of episodes whose return reaches this.
         seed: Seed of worlds and samples.
         num_engines: Game processes side by side.
         json: Print one JSON object on stdout.
     """
 
-    run: tyro.conf.Positional[str]
+    run: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="RUN")]
     episodes: int = 20
     random: bool = False
     stochastic: tuple[str, ...] | None = field(  # pyright: ignore[reportIncompatibleVariableOverride]

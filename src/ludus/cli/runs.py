@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -37,11 +37,11 @@ class RunsCommand:
     """List the runs in a folder, newest first, with the last figures of each policy.
 
     Attributes:
-        folder: Where the run folders are; a single run folder will do, too.
+        folder: Folder that holds the run folders, or a single run folder.
         json: Print one JSON object on stdout.
     """
 
-    folder: tyro.conf.Positional[Path] = Path("runs")
+    folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="[FOLDER]")] = Path("runs")
     json: bool = False
 
 

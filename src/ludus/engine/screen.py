@@ -69,7 +69,7 @@ def with_display(command: tuple[str, ...]) -> tuple[str, ...]:
         return command
     xvfb = find_xvfb()
     if xvfb is None:
-        raise SetupError("the game needs a screen, but there is neither one nor Xvfb", _HINT)
+        raise SetupError("the game needs a screen: this machine has neither one nor Xvfb", _HINT)
     return with_virtual_screen(command, xvfb)
 
 

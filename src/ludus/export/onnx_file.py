@@ -65,7 +65,13 @@ def to_onnx(model: PolicyModel) -> onnx.ModelProto:
     Raises:
         RunError: An observation entry has the name of another input or output.
     """
-    _check_names(model)
+    for entry in model.observation:
+        if entry.name in RESERVED:
+            raise RunError(
+                f"policy {model.policy}: the observation entry {entry.name} has the name of "
+                "another input or output of the ONNX file",
+                "rename the entry and train again, or export to .ludus.json",
+            )
     graph = OnnxGraph()
     features = _features(graph, model)
     outputs: list[ValueInfoProto] = []
@@ -80,16 +86,6 @@ def to_onnx(model: PolicyModel) -> onnx.ModelProto:
     outputs += _discrete(graph, model)
     outputs += _continuous(graph, model)
     return _checked(graph, model, outputs)
-
-
-def _check_names(model: PolicyModel) -> None:
-    for entry in model.observation:
-        if entry.name in RESERVED:
-            raise RunError(
-                f"policy {model.policy}: the observation entry {entry.name} has the name of "
-                "another input or output of the ONNX file",
-                "rename the entry and train again, or export to .ludus.json",
-            )
 
 
 def _features(graph: OnnxGraph, model: PolicyModel) -> str:

@@ -126,11 +126,10 @@ class League:
 
     def _retire(self, policy: str) -> None:
         """Drop the oldest past selves, but not those that are playing."""
-        pool, size = self.pools[policy], self._config.pool_size
+        size = self._config.pool_size
+        older, newest = self.pools[policy][:-size], self.pools[policy][-size:]
         playing = {int(number) for slots in self._slots if slots for number in slots[policy]}
-        self.pools[policy] = [past for past in pool[:-size] if past.number in playing] + pool[
-            -size:
-        ]
+        self.pools[policy] = [past for past in older if past.number in playing] + newest
         for players in self._players:
             for key in [key for key in players if key[0] == policy and key[1] not in playing]:
                 del players[key]

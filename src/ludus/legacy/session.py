@@ -8,6 +8,9 @@ from collections.abc import Mapping, Sequence
 from types import TracebackType
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ludus.errors import GameError, SequenceError, UsageError
 from ludus.legacy.game import LegacyGame
 from ludus.legacy.world import POLICY, LegacyWorld, read_declaration
@@ -132,6 +135,10 @@ class LegacySession:
         self._num_steps_in_all += 1
         self._times = StepTimes(self._num_steps_in_all, *(part // 1000 for part in parts))
         return self._batches
+
+    def hold(self, worlds: NDArray[np.bool_]) -> bool:
+        """False: a step is one of the only world."""
+        return False
 
     def call(self, target: Mapping[str, Any], method: str, arguments: Sequence[Any] = ()) -> Any:
         """Call a method that the bridge offers, on ``{"world": 0}``; return its value.

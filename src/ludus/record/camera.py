@@ -91,8 +91,8 @@ class Camera:
                 continue
         if self._link is None:
             raise EngineStartError(
-                f"the game did not begin to film within {timeout_s:g} s",
-                hint="does `ludus play` open its window?",
+                f"the game sent no frames within {timeout_s:g} s",
+                hint="check that `ludus play` opens its window",
             )
         self._link.settimeout(SILENCE_S)
         self._thread.start()
@@ -124,7 +124,7 @@ class Camera:
         self._thread.join(SILENCE_S)
         self.check()
         if not self._has_end:
-            raise EngineCrashed("the game ended before all of its frames had come")
+            raise EngineCrashed("the game ended before all of its frames had arrived")
 
     def close(self) -> None:
         """Let go of the game; may be called twice."""

@@ -6,6 +6,9 @@ import contextlib
 from collections.abc import Generator, Mapping, Sequence
 from typing import Any, ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ludus.errors import (
     EngineStartError,
     EngineTimeout,
@@ -178,6 +181,10 @@ class EngineSession:
             self._close_after(error)
             raise
         return batches
+
+    def hold(self, worlds: NDArray[np.bool_]) -> bool:
+        """False: a step of an engine is one of all its worlds."""
+        return False
 
     def call(self, target: Mapping[str, Any], method: str, arguments: Sequence[Any] = ()) -> Any:
         """Call a method of the game (PROTOCOL.md §8) and return its JSON value.

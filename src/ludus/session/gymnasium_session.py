@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium
+import numpy as np
+from numpy.typing import NDArray
 
 from ludus.errors import GameError, SequenceError, TargetError
 from ludus.folder_imports import look_in_current_folder
@@ -76,6 +78,7 @@ class GymnasiumSession:
         self._batch = Batch.allocate(policy, len(envs))
         self._has_reset = False
         self._pending: ActionBatch | None = None
+        self._held: NDArray[np.bool_] | None = None
         self._num_steps = 0
 
     @property
@@ -126,12 +129,15 @@ class GymnasiumSession:
             SequenceError: Nothing was sent.
         """
         actions, self._pending = self._pending, None
+        held, self._held = self._held, None
         if actions is None:
             raise SequenceError("nothing to receive", hint="call send() first")
         batch = self._batch
         clear_outcome(batch)
         finals: list[tuple[int, Any]] = []
         for row, env in enumerate(self._envs):
+            if held is not None and held[row]:
+                continue
             observation, reward, terminated, truncated, info = env.step(
                 self._to_action(actions, row)
             )
@@ -145,6 +151,15 @@ class GymnasiumSession:
             write_finals(batch, finals)
         self._num_steps += 1
         return {POLICY: batch}
+
+    def hold(self, worlds: NDArray[np.bool_]) -> bool:
+        """Let some environments stand still in the next step; returns True."""
+        self._held = worlds
+        return True
+
+    def render(self, world: int) -> Any:
+        """Return what the environment of a world renders."""
+        return self._envs[world].render()
 
     def call(self, target: Mapping[str, Any], method: str, arguments: Sequence[Any] = ()) -> Any:
         """Refuse: there is no game to call.

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ludus.spec import Spec
 from ludus.spec.batch import ActionBatch, Batches, StepTimes
 from ludus.wire.reset import ResetRequest
@@ -35,6 +38,17 @@ class Session(Protocol):
 
     def receive(self) -> Batches:
         """Wait for the answer to :meth:`send`; returns views that the next answer overwrites."""
+        ...
+
+    def hold(self, worlds: NDArray[np.bool_]) -> bool:
+        """Let some worlds stand still in the next step: their actions are ignored, no time passes.
+
+        Args:
+            worlds: ``bool[num_worlds]``.
+
+        Returns:
+            Whether this session can; otherwise nothing has changed.
+        """
         ...
 
     def call(self, target: Mapping[str, Any], method: str, arguments: Sequence[Any] = ()) -> Any:

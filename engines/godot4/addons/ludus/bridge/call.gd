@@ -2,6 +2,7 @@ extends RefCounted
 ## One method call by name (PROTOCOL.md §8).
 
 const LudusCeiling := preload("res://addons/ludus/bridge/ceiling.gd")
+const LudusPicture := preload("res://addons/ludus/cameras/picture.gd")
 const LudusGame := preload("res://addons/ludus/world/game.gd")
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
 const LudusTrainingStatus := preload("res://addons/ludus/training/training_status.gd")
@@ -11,6 +12,7 @@ const CEILING_METHOD := "run_ceiling"
 const TAKE_REQUESTS_METHOD := "take_requests"
 const SHOW_STATUS_METHOD := "show_status"
 const STAND_BY_METHOD := "stand_by"
+const PICTURE_METHOD := "picture"
 
 var _message: Dictionary = {}
 
@@ -74,6 +76,13 @@ func answer(game: LudusGame) -> PackedByteArray:
 	var callee := game.find_target(_target())
 	if callee == null:
 		result["error"] = "there is no world or agent %s" % JSON.stringify(_target())
+	elif method == PICTURE_METHOD and not callee.has_method(method):
+		var world := game.find_world(_target())
+		var complaint := LudusPicture.complaint(world)
+		if complaint.is_empty():
+			result["value"] = LudusPicture.of(world, game.neighbours_of(world))
+		else:
+			result["error"] = complaint
 	elif not callee.has_method(method):
 		result["error"] = "%s has no method %s" % [_name_of(callee), method]
 	else:

@@ -63,6 +63,8 @@ var num_beginnings: int = 0
 var is_ready: bool = true
 ## Whether people see this copy of the scene: what only draws may be left out where they do not.
 var is_drawn: bool = DisplayServer.get_name() != "headless"
+## How far this copy was moved from where the scene puts it, in a 2D grid.
+var grid_offset := Vector2.ZERO
 ## Root of this copy of the scene.
 var root: Node
 
