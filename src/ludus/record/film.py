@@ -28,7 +28,7 @@ Frame = NDArray[np.uint8]
 class Film:
     """Writes a ``.mp4``, ``.webm`` or ``.gif``; the ending says which.
 
-    Nothing stands under the final name before the film is whole; after an error, nothing is left.
+    The file is replaced only once the film is complete; an error leaves nothing behind.
 
     ::
 
@@ -71,7 +71,7 @@ class Film:
         """Append one frame; a later one of another size is scaled to the first one's.
 
         Raises:
-            UsageError: It is no ``uint8[height, width, 3]``.
+            UsageError: It is not ``uint8[height, width, 3]``.
             RunError: The disk is full, or the like.
         """
         import av
