@@ -48,7 +48,7 @@ func take() -> Array[Dictionary]:
 	for metric: String in _summaries:
 		var summary := _summaries[metric]
 		metrics[metric] = {
-			"count": int(summary[0]), "sum": summary[1], "min": summary[2], "max": summary[3]
+			"count": summary[0], "sum": summary[1], "min": summary[2], "max": summary[3]
 		}
 	_summaries.clear()
 	return [{"kind": KIND, "metrics": metrics}]
