@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ludus.api.acting import LoadedPolicy, load_policy
     from ludus.api.evaluating import evaluate
     from ludus.api.running import Run, train
+    from ludus.api.sweeping import sweep
     from ludus.errors import LudusError
     from ludus.libraries import LudusEnv, LudusVectorEnv, make, make_vec
     from ludus.pool import PoolConfig, open_pool
@@ -55,6 +56,7 @@ __all__ = [
     "make",
     "make_vec",
     "open_pool",
+    "sweep",
     "train",
 ]
 
@@ -77,6 +79,7 @@ _HOMES = {
     "make": "ludus.libraries",
     "make_vec": "ludus.libraries",
     "open_pool": "ludus.pool",
+    "sweep": "ludus.api.sweeping",
     "train": "ludus.api.running",
 }
 

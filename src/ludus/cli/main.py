@@ -31,6 +31,7 @@ __all__ = ["COMMANDS", "main"]
 
 COMMANDS: dict[str, tuple[str, str]] = {
     "train": ("ludus.cli.train", "train agents in a game"),
+    "sweep": ("ludus.cli.sweep", "look for better settings by many training runs"),
     "evaluate": ("ludus.cli.evaluate", "play episodes with trained agents and report the returns"),
     "play": ("ludus.cli.play", "watch trained agents in a window"),
     "record": ("ludus.cli.record", "film a game, as it is or played by trained agents"),

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, make_dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Union, get_type_hints
+from typing import Annotated, Any, TypeVar, Union, get_type_hints
 
 import tyro
 
@@ -17,7 +17,7 @@ from ludus.settings.merging import Layer, merge, resolve
 from ludus.settings.policy_config import ALGORITHM_CONFIGS
 from ludus.settings.train_config import Phase, PPOConfig, SACConfig, TrainConfig
 
-__all__ = ["COMMAND", "TrainCommand", "parse", "run"]
+__all__ = ["COMMAND", "TrainCommand", "parse", "parse_settings", "run"]
 
 PROGRAM = "ludus train"
 POLICIES = "policies"
@@ -74,24 +74,38 @@ class TrainCommand(_Unchecked, TrainConfig):
 
 
 COMMAND = TrainCommand
+Command = TypeVar("Command", bound=TrainCommand)
 
 
 def parse(arguments: Sequence[str]) -> TrainCommand:
     """Return what was typed, and all layers of settings below it."""
+    from ludus.runs.run_folder import RunFolder, stack_layers
+
+    command, typed = parse_settings(arguments, TrainCommand, PROGRAM)
+    folder = None if command.resume is None else RunFolder.find(command.resume)
+    layers = stack_layers(typed, config=command.config, run=folder)
+    return replace(command, resume=None if folder is None else folder.path, layers=layers)
+
+
+def parse_settings(
+    arguments: Sequence[str], kind: type[Command], program: str
+) -> tuple[Command, Layer]:
+    """Return what was typed, and the layer of its settings.
+
+    Args:
+        arguments: What was typed.
+        kind: The command: this one, or one that has its flags, too.
+        program: Its name.
+    """
     flags = _flags(arguments)
     policies = {flag.split(".")[1]: _policy_flags() for flag in flags if _is_of_policy(flag)}
     command = tyro.cli(
-        TrainCommand,
+        kind,
         args=["None" if argument == "none" else argument for argument in arguments],  # as in files
-        default=TrainCommand(policies=policies),
-        prog=PROGRAM,
+        default=kind(policies=policies),
+        prog=program,
     )
-    from ludus.runs.run_folder import RunFolder, stack_layers
-
-    folder = None if command.resume is None else RunFolder.find(command.resume)
-    last = Layer("command line", _typed(command, flags))
-    layers = stack_layers(last, config=command.config, run=folder)
-    return replace(command, resume=None if folder is None else folder.path, layers=layers)
+    return command, Layer("command line", _typed(command, flags))
 
 
 def run(command: TrainCommand) -> int:

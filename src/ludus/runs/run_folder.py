@@ -80,6 +80,11 @@ class RunFolder:
                 attempt += 1
                 path = config.runs / f"{stem}-{attempt}"
 
+    @staticmethod
+    def stem(target: str) -> str:
+        """Return what a folder is called that has something to do with a target."""
+        return _slug(target)
+
     @classmethod
     def find(cls, path: Path) -> RunFolder:
         """Return the folder of an existing run; a checkpoint inside it will do, too.

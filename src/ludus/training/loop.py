@@ -22,6 +22,7 @@ from ludus.runs.checkpoint import check_spec
 from ludus.runs.curve import draw_learning_curve
 from ludus.runs.metrics import MetricsLog
 from ludus.runs.run_folder import RunFolder
+from ludus.runs.tracking import require_trackers
 from ludus.settings.merging import Layer, Resolved, merge, python_layer, resolve
 from ludus.settings.train_config import TrainConfig
 from ludus.target import check_accepted, parse_target
@@ -73,6 +74,7 @@ def train(
     parts = RunParts(reporter or SilentReporter(), hooks or Hooks(), own or OwnParts())
     layers = [python_layer(config)] if isinstance(config, TrainConfig) else config
     before = merge(layers)
+    require_trackers(before.track)
     folder = RunFolder.find(resume) if resume else RunFolder.create(before)
     try:
         with folder.locked(), _pool_for(before, pool, folder) as source, log_file(folder):

@@ -26,6 +26,7 @@ from ludus.runs.metrics import MetricsLog
 from ludus.runs.random_state import random_state, restore_random_state
 from ludus.runs.run_folder import RunFolder
 from ludus.runs.run_list import StopReason
+from ludus.runs.tracking import open_trackers
 from ludus.settings.plain import to_plain
 from ludus.settings.policy_config import Mode
 from ludus.settings.train_config import TrainConfig
@@ -181,8 +182,10 @@ class Trainer:
         """
         self.begin()
         self.save()
-        metrics = MetricsLog(self._folder.path, self.agent_steps)
+        trackers = open_trackers(self.config, self._folder.path)
+        metrics = MetricsLog(self._folder.path, self.agent_steps, trackers)
         try:
+            self._pool.take_metrics()  # of what was played before
             self._reset()
             reason = self._loop(is_stopping, reporter, callback, metrics)
         except DivergenceError as error:
@@ -225,7 +228,8 @@ class Trainer:
                 **shares,
                 "restarts": self._pool.num_restarts,
             }
-            metrics.write(run_metrics, policies)
+            game = {name: of.to_json() for name, of in self._pool.take_metrics().items()}
+            metrics.write(run_metrics, policies, game)
             self.progress = self._progress(speed, policies)
             reporter.updated(self.progress)
             self._advance()
