@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from ludus.check import CheckConfig, CheckContext, Finding
-from ludus.engine.bundled import bundled_root
-from tests.check.games import GAMES, PROJECT, scene_text
+from tests.check.games import GAMES, scene_text
+from tests.godot_project import write_project
 
 Checked = Callable[..., list[Finding]]
 
@@ -18,14 +17,9 @@ Checked = Callable[..., list[Finding]]
 @pytest.fixture(scope="session")
 def games(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the project; a scene per game, ``<name>.tscn``."""
-    root = tmp_path_factory.mktemp("games")
-    (root / "project.godot").write_text(PROJECT)
-    # Through a link, the import would write into the add-on that other tests use meanwhile.
-    shutil.copytree(bundled_root() / "addons/ludus", root / "addons/ludus")
-    for name, game in GAMES.items():
-        (root / f"{name}.gd").write_text(game.script)
-        (root / f"{name}.tscn").write_text(scene_text(name, game))
-    return root
+    files = {f"{name}.gd": game.script for name, game in GAMES.items()}
+    files |= {f"{name}.tscn": scene_text(name, game) for name, game in GAMES.items()}
+    return write_project(tmp_path_factory.mktemp("games"), files, main="good")
 
 
 @pytest.fixture
@@ -43,6 +37,6 @@ def checked(games: Path) -> Checked:
             timing_s=0.05,
         )
         with CheckContext(config) as context:
-            return check(context)
+            return list(check(context))
 
     return run

@@ -4,20 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-PROJECT = """\
-config_version=5
-
-[application]
-
-config/name="Games"
-run/main_scene="res://good.tscn"
-config/features=PackedStringArray("4.4")
-
-[debug]
-
-file_logging/enable_file_logging=false
-"""
-
 GOOD = """\
 extends Node
 var world: LudusWorld

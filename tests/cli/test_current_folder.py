@@ -93,6 +93,7 @@ def test_no_file_of_the_current_folder_runs(
     assert not (folder / "ran").exists(), (folder / "ran").read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="forkserver")
 def test_a_game_and_its_neighbours_are_imported_and_nothing_else(folder: Path) -> None:
     (folder / "my_games.py").write_text(GAMES)

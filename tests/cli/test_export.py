@@ -115,7 +115,7 @@ def test_only_runs_are_played_in_the_engine(
     game = str(bundled_root() / "examples/identity/oracle.tscn")
     assert main(["play", game, "--in-engine", "--headless", *flags]) == 2
     error = capsys.readouterr().err
-    assert "--in-engine plays what was trained in a run\nhint: name a run folder" in error
+    assert "--in-engine needs the trained agents of a run\nhint: name a run folder" in error
 
 
 def test_a_target_that_is_not_there_is_named(run: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -42,6 +42,12 @@ def duel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "duel"
 
 
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of one agent."""
+    return short_run(tmp_path_factory.mktemp("alone"))
+
+
 @pytest.mark.engine
 def test_past_selves_and_newest_policies_play(
     tag: Path, capsys: pytest.CaptureFixture[str]
@@ -137,15 +143,16 @@ def test_another_game_is_refused(tag: Path, capsys: pytest.CaptureFixture[str]) 
     ],
 )
 def test_what_cannot_be_played_is_refused(
-    typed: list[str], text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    typed: list[str], text: str, alone: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run = short_run(tmp_path)
-    assert main(["league", str(run), *typed]) == 2
+    assert main(["league", str(alone), *typed]) == 2
     assert text in capsys.readouterr().err
 
 
-def test_a_corrupt_run_is_said_plainly(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run = short_run(tmp_path)
+def test_a_corrupt_run_is_said_plainly(
+    alone: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = Path(shutil.copytree(alone, tmp_path / "run"))
     for path in (run / "checkpoints").glob("*/tensors.safetensors"):
         path.write_bytes(b"no")
     assert main(["league", str(run)]) == 5

@@ -34,7 +34,7 @@ def test_a_missing_screen_is_said_plainly(
 @pytest.mark.parametrize(
     ("flags", "reason"),
     [
-        (["--headless"], "nobody can play by hand without a window"),
+        (["--headless"], "a game cannot be played by hand without a window"),
         (["--random", "--episodes", "0"], "episodes must be at least 1"),
         (["--stochastic", "--deterministic"], "exclude each other"),
     ],

@@ -10,37 +10,10 @@ import numpy as np
 import pytest
 
 import ludus
-from ludus.addon import install_addon
+from tests.godot_project import AGENT_SCENE, write_project
 
 pytestmark = pytest.mark.engine
 README = (Path(__file__).parents[2] / "README.md").read_text()
-
-PROJECT = """\
-config_version=5
-
-[application]
-
-config/name="From the README"
-run/main_scene="res://player.tscn"
-"""
-
-SCENE = """\
-[gd_scene load_steps=4 format=3]
-
-[ext_resource type="Script" path="res://player.gd" id="1"]
-[ext_resource type="Script" path="res://addons/ludus/agent/ludus_agent.gd" id="2"]
-[ext_resource type="Script" path="res://addons/ludus/agent/ludus_action_component.gd" id="3"]
-
-[sub_resource type="Resource" id="action"]
-script = ExtResource("3")
-
-[node name="Player" type="CharacterBody2D"]
-script = ExtResource("1")
-
-[node name="LudusAgent" type="Node" parent="."]
-script = ExtResource("2")
-action = Array[ExtResource("3")]([SubResource("action")])
-"""
 
 
 def block(language: str) -> str:
@@ -50,10 +23,9 @@ def block(language: str) -> str:
 
 
 def test_a_game_made_as_told_is_an_environment(tmp_path: Path) -> None:
-    (tmp_path / "project.godot").write_text(PROJECT)
-    (tmp_path / "player.tscn").write_text(SCENE)
-    (tmp_path / "player.gd").write_text(block("gdscript"))
-    install_addon(tmp_path)
+    scene = AGENT_SCENE["godot4"].format(script="player", root="CharacterBody2D")
+    files = {"player.tscn": scene, "player.gd": block("gdscript")}
+    write_project(tmp_path, files, main="player")
     env = ludus.make(tmp_path)
     observation, _ = env.reset(seed=0)
     assert abs(observation[0]) <= 100.0 / 500.0

@@ -11,28 +11,22 @@ import numpy as np
 import pytest
 
 import ludus
-from ludus.addon import install_addon
 from ludus.check import CheckConfig, Status, run_checks
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.spec.batch import ActionBatch
+from tests.godot_project import write_project
 
 pytestmark = pytest.mark.engine
 PAGE = (Path(__file__).parents[2] / "docs/simulations.md").read_text()
-PROJECT = 'config_version=5\n[application]\nconfig/name="From the page"\n'
 
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("page")
-    (folder / "project.godot").write_text(PROJECT)
     chase, wall = re.findall(r"```gdscript\n(.*?)```", PAGE, re.DOTALL)
     (scene,) = re.findall(r"```\n(\[gd_scene.*?)```", PAGE, re.DOTALL)
-    (folder / "chase.gd").write_text(chase)
-    (folder / "wall.gd").write_text(wall)
-    (folder / "chase.tscn").write_text(scene)
-    (folder / "wall.tscn").write_text(scene.replace("chase", "wall"))
-    install_addon(folder)
-    return folder
+    scenes = {"chase.tscn": scene, "wall.tscn": scene.replace("chase", "wall")}
+    files = {"chase.gd": chase, "wall.gd": wall, **scenes}
+    return write_project(tmp_path_factory.mktemp("page"), files, main="chase")
 
 
 @pytest.fixture

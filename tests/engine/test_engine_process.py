@@ -62,6 +62,13 @@ def python(code: str, *arguments: str, **settings: object) -> LaunchConfig:
     return LaunchConfig(command=command, **settings)  # pyright: ignore[reportArgumentType]
 
 
+def output_of(code: str, **settings: object) -> list[str]:
+    """Return the last lines of a process that ends well."""
+    with EngineProcess.start(python(code, **settings)) as process:
+        assert process.wait(60) == 0
+        return process.last_lines()
+
+
 def until(condition: Callable[[], bool], timeout_s: float = 20.0) -> None:
     deadline = time.monotonic() + timeout_s
     while not condition():
@@ -163,34 +170,31 @@ def test_rest_of_the_family_may_tidy_up(tmp_path: Path) -> None:
 def test_once_it_has_ended_the_last_line_is_there() -> None:
     code = "import os; os.write(1, b'line\\n' * 12000); os.write(1, b'end\\n')"
     for _ in range(10):
-        with EngineProcess.start(python(code)) as process:
-            assert process.wait(60) == 0
-            assert process.last_lines(1) == ["end"]
+        assert output_of(code)[-1] == "end"
 
 
 def test_chatty_process_never_blocks() -> None:
-    code = "for i in range(200000): print('line', i)"
-    with EngineProcess.start(python(code, num_last_lines=50)) as process:
-        assert process.wait(60) == 0
-        process.describe_death()
-        lines = process.last_lines()
+    lines = output_of("for i in range(200000): print('line', i)", num_last_lines=50)
     assert lines == [f"line {i}" for i in range(199950, 200000)]
 
 
-def test_endless_line_is_bounded() -> None:
-    code = "import sys\nfor _ in range(500): sys.stdout.write('x' * 10000)\nsys.stdout.flush()"
-    with EngineProcess.start(python(code)) as process:
-        assert process.wait(60) == 0
-        process.describe_death()
-        assert process.last_lines() == ["x" * 4000]
-
-
-def test_bytes_that_are_no_text_are_shown() -> None:
-    code = r"import os; os.write(1, b'\xff\xfeok\r\n')"
-    with EngineProcess.start(python(code)) as process:
-        process.wait(20)
-        process.describe_death()
-        assert process.last_lines() == ["\ufffd\ufffdok"]
+@pytest.mark.parametrize(
+    ("code", "expected"),
+    [
+        pytest.param(
+            "import sys\nfor _ in range(500): sys.stdout.write('x' * 10000)\nsys.stdout.flush()",
+            ["x" * 4000],
+            id="an endless line is bounded",
+        ),
+        pytest.param(
+            r"import os; os.write(1, b'\xff\xfeok\r\n')",
+            ["\ufffd\ufffdok"],
+            id="bytes that are no text are shown",
+        ),
+    ],
+)
+def test_last_lines_of_odd_output(code: str, expected: list[str]) -> None:
+    assert output_of(code) == expected
 
 
 def test_script_errors_are_shown_even_if_much_followed() -> None:
@@ -230,8 +234,7 @@ def test_a_script_error_of_every_tick_stands_there_once() -> None:
 def test_log_file_gets_everything(tmp_path: Path) -> None:
     log = tmp_path / "deep" / "engine.log"
     for _ in range(2):
-        with EngineProcess.start(python("print('hello')", log_path=log)) as process:
-            process.wait(20)
+        output_of("print('hello')", log_path=log)
     assert log.read_bytes() == b"hello\nhello\n"
 
 
@@ -240,10 +243,7 @@ def test_log_that_cannot_be_written_stops_nothing(
     log: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     code = "for i in range(20000): print('line', i)"
-    with EngineProcess.start(python(code, log_path=Path(log))) as process:
-        assert process.wait(20) == 0
-        process.describe_death()
-        assert process.last_lines(1) == ["line 19999"]
+    assert output_of(code, log_path=Path(log))[-1] == "line 19999"
     assert "log" in caplog.text
 
 
@@ -257,11 +257,7 @@ def test_program_that_cannot_start_is_reported(tmp_path: Path, name: str) -> Non
 
 def test_environment_and_folder_are_set(tmp_path: Path) -> None:
     code = "import os; print(os.getcwd(), os.environ['LUDUS_X'], 'PATH' in os.environ)"
-    config = python(code, folder=tmp_path, env={"LUDUS_X": "7"})
-    with EngineProcess.start(config) as process:
-        process.wait(20)
-        process.describe_death()
-        assert process.last_lines() == [f"{tmp_path} 7 True"]
+    assert output_of(code, folder=tmp_path, env={"LUDUS_X": "7"}) == [f"{tmp_path} 7 True"]
 
 
 def test_every_thread_is_pinned_and_we_are_not() -> None:
@@ -272,10 +268,7 @@ def test_every_thread_is_pinned_and_we_are_not() -> None:
         "def show(): print(sorted(os.sched_getaffinity(0)), flush=True)\n"
         "show()\nthread = threading.Thread(target=show)\nthread.start()\nthread.join()\n"
     )
-    with EngineProcess.start(python(code, cores=(core,))) as process:
-        process.wait(20)
-        process.describe_death()
-        assert process.last_lines() == [f"[{core}]"] * 2
+    assert output_of(code, cores=(core,)) == [f"[{core}]"] * 2
     assert os.sched_getaffinity(0) == before
 
 

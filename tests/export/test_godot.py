@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,6 @@ from ludus.export.parity import (
     measure_parity,
     require_parity,
 )
-from ludus.export.runtimes import answer_with_torch
 from ludus.model.json_file import write_model
 from ludus.networks.policy import Policy
 from ludus.settings.train_config import PolicyConfig, PPOConfig, SACConfig
@@ -47,7 +45,7 @@ def measure(policy: Policy, folder: Path, engine: InstalledEngine) -> ParityRepo
     model = to_model(policy, policy.spec)
     path = folder / "policy.ludus.json"
     write_model(path, model)
-    return measure_parity(partial(answer_with_torch, policy), model, PolicyFiles(path), engine, {})
+    return measure_parity(policy, model, PolicyFiles(path), engine, {})
 
 
 @pytest.mark.parametrize(
@@ -79,9 +77,7 @@ def test_godot_notices_an_altered_weight(godot4: InstalledEngine, tmp_path: Path
     write_model(path, model)
     with torch.no_grad():
         next(iter(policy.actor.parameters()))[0, 0] += 0.05
-    report = measure_parity(
-        partial(answer_with_torch, policy), model, PolicyFiles(path), godot4, {}
-    )
+    report = measure_parity(policy, model, PolicyFiles(path), godot4, {})
     assert not report.comparisons[-1].is_equal
     godot_alone = dataclasses.replace(report, comparisons=report.comparisons[-1:])
     with pytest.raises(ParityError, match=r"policy hero: Godot 4\.\S+ differs from PyTorch by"):

@@ -6,24 +6,14 @@ from pathlib import Path
 
 import torch
 
-from ludus.addon import install_addon
 from ludus.league.players import LeaguePlayer
 from ludus.networks.policy import Policy
 from ludus.settings.train_config import PPOConfig
 from ludus.spec import PolicySpec
+from tests.godot_project import write_project
 
 NUM_CHOICES = 4
 SETTINGS = PPOConfig(hidden_sizes=(4,))
-
-PROJECT = """\
-config_version=5
-
-[application]
-
-config/name="Duel"
-config/features=PackedStringArray("4.4")
-run/main_scene="res://duel.tscn"
-"""
 
 FIGHTER = """\
 extends Node
@@ -72,14 +62,11 @@ SCENES = {"duel": ("hero", "foe"), "mirror": ("twin", "twin"), "trio": ("hero", 
 
 def make_project(folder: Path) -> Path:
     """Return a project with the scenes ``duel``, ``mirror`` and ``trio``."""
-    folder.mkdir(parents=True)
-    (folder / "project.godot").write_text(PROJECT)
-    (folder / "fighter.gd").write_text(FIGHTER)
+    files = {"fighter.gd": FIGHTER}
     for scene, policies in SCENES.items():
         nodes = (FIGHTER_NODE.format(index=i, policy=name) for i, name in enumerate(policies))
-        (folder / f"{scene}.tscn").write_text(HEAD + "".join(nodes))
-    install_addon(folder)
-    return folder
+        files[f"{scene}.tscn"] = HEAD + "".join(nodes)
+    return write_project(folder, files, main="duel")
 
 
 def chooser(spec: PolicySpec, choice: int, *, is_newest: bool = False) -> LeaguePlayer:

@@ -15,35 +15,17 @@ import pytest
 
 import ludus
 from ludus.engine import EngineKind, InstalledEngine, ensure_imported, find_engine, read_project
-from ludus.engine.bundled import bundled_root, runnable_bundled_root
+from ludus.engine.bundled import runnable_bundled_root
 from ludus.engine.export_game import export_game
 from ludus.model import ModelRunner, PolicyModel, write_model
 from ludus.model.policy_model import Distribution, Linear
 from ludus.spec import DiscreteAction, ObservationEntry
+from tests.godot_project import write_project
 
 pytestmark = pytest.mark.engine
 
 TIMEOUT_S = 60.0
 CARTPOLE = "res://examples/cartpole/cartpole.tscn"
-
-PROJECT = """\
-config_version=5
-
-[application]
-
-config/name="In game"
-config/features=PackedStringArray("4.4")
-run/main_scene="res://pole.tscn"
-
-[autoload]
-
-Ludus="*res://addons/ludus/bridge/ludus_bridge.gd"
-
-[debug]
-
-file_logging/enable_file_logging=false
-file_logging/enable_file_logging.pc=false
-"""
 
 # A pole of one number that falls over unless it is pushed back; ends after 20 steps at most.
 POLE = """\
@@ -190,11 +172,7 @@ def games() -> Generator[Games]:
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    shutil.copytree(bundled_root() / "addons", tmp_path / "addons")
-    (tmp_path / "project.godot").write_text(PROJECT)
-    (tmp_path / "pole.gd").write_text(POLE)
-    (tmp_path / "pole.tscn").write_text(SCENE)
-    return tmp_path
+    return write_project(tmp_path, {"pole.gd": POLE, "pole.tscn": SCENE}, main="pole")
 
 
 @pytest.mark.parametrize("policy", [BALANCING, FALLING], ids=["balancing", "falling"])

@@ -202,7 +202,7 @@ def damaged(draw: st.DrawFn) -> Any:
 
 
 @given(damaged())
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=4 * settings().max_examples)
 def test_damage_is_refused_or_harmless(value: Any) -> None:
     try:
         model = from_json(value)

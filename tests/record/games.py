@@ -13,50 +13,16 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.addon import install_addon
+from tests.godot_project import AGENT_SCENE, write_project
 
 WIDTH, HEIGHT = 320, 180
 NUM_BARS = 8
 STEPS = 20
 """Of an episode; two ticks each."""
 
-PROJECTS = {
-    "godot4": """\
-config_version=5
-
-[application]
-
-config/name="Ticks"
-config/features=PackedStringArray("4.4")
-run/main_scene="res://ticks.tscn"
-
-[debug]
-
-file_logging/enable_file_logging=false
-file_logging/enable_file_logging.pc=false
-
-[display]
-
-window/size/viewport_width=320
-window/size/viewport_height=180
-""",
-    "godot3": """\
-config_version=4
-
-[application]
-
-config/name="Ticks"
-run/main_scene="res://ticks.tscn"
-
-[display]
-
-window/size/width=320
-window/size/height=180
-
-[logging]
-
-file_logging/enable_file_logging=false
-""",
+SIZES = {
+    "godot4": "[display]\n\nwindow/size/viewport_width=320\nwindow/size/viewport_height=180\n",
+    "godot3": "[display]\n\nwindow/size/width=320\nwindow/size/height=180\n",
 }
 
 SCRIPT = """\
@@ -78,8 +44,8 @@ func show_ticks():
 	for i in 8:
 		bars[i].color = Color(1, 1, 1) if ticks & (1 << i) else Color(0, 0, 0)
 func apply_action(_action):
-	if OS.{get_variable}("TICKS_DIE") != "" and ticks == 9:
-		OS.{kill}(OS.get_{pid}())
+	if OS.get_environment("TICKS_DIE") != "" and ticks == 9:
+		OS.kill(OS.get_process_id())
 func get_observation():
 	{server}.force_draw()
 	return [ticks]
@@ -91,63 +57,19 @@ func reset():
 	ticks = 0
 	show_ticks()
 """
-DIALECTS = {
-    "godot4": {
-        "server": "RenderingServer",
-        "position": "position",
-        "size": "size",
-        "get_variable": "get_environment",
-        "kill": "kill",
-        "pid": "process_id",
-    },
-    "godot3": {
-        "server": "VisualServer",
-        "position": "rect_position",
-        "size": "rect_size",
-        "get_variable": "get_environment",
-        "kill": "kill",
-        "pid": "process_id",
-    },
-}
-
-SCENES = {
-    "godot4": """\
-[gd_scene format=3]
-[ext_resource path="res://ticks.gd" type="Script" id="1"]
-[ext_resource path="res://addons/ludus/agent/ludus_agent.gd" type="Script" id="2"]
-[ext_resource path="res://addons/ludus/agent/ludus_action_component.gd" type="Script" id="3"]
-[sub_resource type="Resource" id="1"]
-script = ExtResource("3")
-[node name="Ticks" type="Node2D"]
-script = ExtResource("1")
-[node name="LudusAgent" type="Node" parent="."]
-script = ExtResource("2")
-action = Array[ExtResource("3")]([SubResource("1")])
-""",
-    "godot3": """\
-[gd_scene format=2]
-[ext_resource path="res://ticks.gd" type="Script" id=1]
-[ext_resource path="res://addons/ludus/ludus_agent.gd" type="Script" id=2]
-[ext_resource path="res://addons/ludus/ludus_action_component.gd" type="Script" id=3]
-[sub_resource type="Resource" id=1]
-script = ExtResource( 3 )
-[node name="Ticks" type="Node2D"]
-script = ExtResource( 1 )
-[node name="LudusAgent" type="Node" parent="."]
-script = ExtResource( 2 )
-action = [ SubResource( 1 ) ]
-""",
+NAMES = {
+    "godot4": {"server": "RenderingServer", "position": "position", "size": "size"},
+    "godot3": {"server": "VisualServer", "position": "rect_position", "size": "rect_size"},
 }
 
 
 def ticks_project(folder: Path, kind: str) -> Path:
     """Make the project for one kind of engine."""
-    folder.mkdir()
-    (folder / "project.godot").write_text(PROJECTS[kind])
-    install_addon(folder)
-    (folder / "ticks.gd").write_text(SCRIPT.format(**DIALECTS[kind]))
-    (folder / "ticks.tscn").write_text(SCENES[kind])
-    return folder
+    files = {
+        "ticks.gd": SCRIPT.format(**NAMES[kind]),
+        "ticks.tscn": AGENT_SCENE[kind].format(script="ticks", root="Node2D"),
+    }
+    return write_project(folder, files, main="ticks", kind=kind, more=SIZES[kind])
 
 
 def draw(ticks: int) -> NDArray[np.uint8]:

@@ -64,11 +64,11 @@ def test_no_frames_no_film(films: Path) -> None:
 
 def test_a_full_disk(films: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What /dev/full says when it is written to."""
-    film = Film(films / "film.webm")
+    film = Film(films / "film.mp4")
     monkeypatch.setattr(film, "_incoming", Path("/dev/full"))
     monkeypatch.setattr(Path, "unlink", _keep)
     with pytest.raises(RunError, match="could not be written"), film:
-        for ticks in range(600):
+        for ticks in range(200):
             film.add(np.random.default_rng(ticks).integers(0, 255, (90, 160, 3), np.uint8))
     monkeypatch.undo()
     assert list(films.iterdir()) == []

@@ -108,5 +108,5 @@ def test_is_a_target_of_make_too() -> None:
 
 
 def test_unsupported_space() -> None:
-    with pytest.raises(TargetError, match="cannot train on the observation"):
+    with pytest.raises(TargetError, match="cannot train with the observation"):
         open_pool("gym:FrozenLake-v1")

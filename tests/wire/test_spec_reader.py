@@ -7,7 +7,7 @@ import json
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from ludus.errors import ProtocolError
 from ludus.spec import Spec
@@ -144,7 +144,6 @@ def test_whole_floats_are_integers() -> None:
 
 
 @given(specs())
-@settings(max_examples=60, deadline=None)
 def test_round_trip(spec: Spec) -> None:
     frame = encode_json_spec(spec)
     assert read_spec(decode_json(frame[8:], "SPEC")) == spec
@@ -155,7 +154,6 @@ def encode_json_spec(spec: Spec) -> bytes:
 
 
 @given(specs())
-@settings(max_examples=30, deadline=None)
 def test_the_fingerprint_is_of_the_network_only(spec: Spec) -> None:
     for policy in spec.policies:
         value = policy.to_json()

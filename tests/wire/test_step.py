@@ -8,7 +8,7 @@ from typing import Any
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from ludus.errors import ActionError, ProtocolError
 from ludus.spec import Spec
@@ -39,7 +39,6 @@ def same(numbers: Any, expected: Any) -> bool:
 
 
 @given(st.data())
-@settings(max_examples=60, deadline=None)
 def test_step_is_what_the_engine_reads(data: st.DataObject) -> None:
     spec = data.draw(specs())
     sent = data.draw(action_strategy(spec))
@@ -52,7 +51,6 @@ def test_step_is_what_the_engine_reads(data: st.DataObject) -> None:
 
 
 @given(st.data())
-@settings(max_examples=60, deadline=None)
 def test_batch_is_what_the_engine_wrote(data: st.DataObject) -> None:
     spec = data.draw(specs())
     content = data.draw(batch_contents(spec))
@@ -77,7 +75,6 @@ def test_batch_is_what_the_engine_wrote(data: st.DataObject) -> None:
 
 
 @given(st.data())
-@settings(max_examples=60, deadline=None)
 def test_the_fast_check_passes_finite_numbers_only(data: st.DataObject) -> None:
     spec = data.draw(specs())
     content = data.draw(batch_contents(spec))

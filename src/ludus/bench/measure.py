@@ -1,12 +1,12 @@
-"""The measuring itself. Bridged play and the ceiling alternate, so that both see one machine."""
+"""Measure a game; bridged play and the ceiling alternate, so that both see the same machine."""
 
 from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from typing import Any, cast
 
 import numpy as np
@@ -120,7 +120,7 @@ def _measure_pool(
         efficiency=statistics.median(played / ceiling for played, ceiling in rounds),
         round_trip_us=single.round_trip_us,
         socket_echo_us=echo_us,
-        breakdown=_median(breakdowns),
+        breakdown=Breakdown(*map(statistics.median, zip(*map(astuple, breakdowns), strict=True))),
         memory_per_world_bytes=memory,
         rounds=tuple(rounds),
     )
@@ -164,7 +164,7 @@ def _play(
 
 
 def _ceiling(pool: EnginePool, num_steps: int, seed: int) -> float:
-    """Return steps per second of all engines at once, playing by themselves."""
+    """Return the mean steps per second of engines that play by themselves, all at once."""
     pool.reset(seed)
 
     def run(engine: int) -> float:
@@ -209,20 +209,19 @@ def _measure_echo(target: Target, config: BenchConfig, sizes: tuple[int, int]) -
         return measure_echo(engine, sizes, _NUM_ROUND_TRIPS, cores.plan)
 
 
-def _random_actions(policies: Any, seed: int) -> Actions:
+def _random_actions(policies: Mapping[str, PolicySpec], seed: int) -> Actions:
     rng = np.random.default_rng(seed)
+
+    def draw(policy: PolicySpec) -> ActionBatch:
+        num = policy.num_agents
+        discrete: NDArray[np.int64] = rng.integers(0, policy.nvec or 1, (num, policy.num_discrete))
+        low, high = policy.continuous_bounds()
+        continuous = rng.uniform(low, high, (num, policy.continuous_size)).astype(np.float32)
+        return ActionBatch(discrete, continuous)
+
     return [
-        {name: _random_action(policy, rng) for name, policy in policies.items()}
-        for _ in range(_NUM_ACTION_SETS)
+        {name: draw(policy) for name, policy in policies.items()} for _ in range(_NUM_ACTION_SETS)
     ]
-
-
-def _random_action(policy: PolicySpec, rng: np.random.Generator) -> ActionBatch:
-    num = policy.num_agents
-    discrete: NDArray[np.int64] = rng.integers(0, policy.nvec or 1, (num, policy.num_discrete))
-    low, high = policy.continuous_bounds()
-    continuous = rng.uniform(low, high, (num, policy.continuous_size)).astype(np.float32)
-    return ActionBatch(discrete, continuous)
 
 
 def _memory_per_world(pool: EnginePool, single_rss: int | None) -> float | None:
@@ -243,15 +242,3 @@ def _session(pool: EnginePool) -> EngineSession:
     session = pool.sessions[0]
     assert isinstance(session, EngineSession)
     return session
-
-
-def _median(breakdowns: list[Breakdown]) -> Breakdown:
-    def middle(read: Callable[[Breakdown], float]) -> float:
-        return statistics.median(read(breakdown) for breakdown in breakdowns)
-
-    return Breakdown(
-        engine_us=middle(lambda b: b.engine_us),
-        bridge_us=middle(lambda b: b.bridge_us),
-        transport_us=middle(lambda b: b.transport_us),
-        python_us=middle(lambda b: b.python_us),
-    )

@@ -7,7 +7,6 @@ from collections.abc import Generator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
 from typing import cast
 
 from ludus.check.recording import Recording, record
@@ -31,8 +30,8 @@ class CheckConfig(GameConfig):
         num_worlds: Worlds to play in.
         num_steps: Steps of random play.
         seed: Seed of world 0 and of its actions.
-        num_layout_worlds: Worlds when the layouts are compared.
-        timing_s: How long each layout is timed, seconds.
+        num_layout_worlds: Worlds for the comparison of the layouts.
+        timing_s: Seconds for which each layout is timed.
         launch: How games are started and watched.
     """
 
@@ -128,10 +127,5 @@ class CheckContext:
     def __enter__(self) -> CheckContext:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()

@@ -16,9 +16,9 @@ class ActionFlags:
     """How trained agents choose their actions.
 
     Attributes:
-        stochastic: Draw actions as in training, the default of ludus league.
-        deterministic: Take the most probable actions, the default of ludus evaluate, play and
-            record.
+        stochastic: Sample actions as in training (the default of ludus league).
+        deterministic: Take the most probable actions (the default of ludus evaluate, play and
+            record).
     """
 
     stochastic: bool = False

@@ -17,7 +17,7 @@ __all__ = ["COMMAND", "BenchCommand", "run"]
 
 @dataclass(frozen=True, kw_only=True)
 class BenchCommand(BenchConfig):
-    """Measure how fast a game steps with random actions, how fast it could, and where time goes.
+    """Measure how fast a game steps with random actions, and where the time goes.
 
     Bridged play and the ceiling (random actions drawn inside the engine, no socket) alternate;
     the figures are medians over the rounds.
@@ -26,7 +26,7 @@ class BenchCommand(BenchConfig):
         json: Print one JSON object on stdout.
     """
 
-    target: tyro.conf.Positional[str]
+    target: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="TARGET")]
     num_worlds: Annotated[int, tyro.conf.arg(aliases=["--worlds"])] = setting(64, AT_LEAST_1)
     num_engines: Annotated[int, tyro.conf.arg(aliases=["--engines"])] = setting(1, AT_LEAST_1)
     json: bool = False

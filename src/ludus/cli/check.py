@@ -20,13 +20,13 @@ __all__ = ["COMMAND", "CheckCommand", "run"]
 class CheckCommand(CheckConfig):
     """Check that a game behaves as an environment: timing, seeds, determinism, observations.
 
-    Exits with 0 if nothing failed, with 1 if something did.
+    Exits with 1 if anything failed, with 0 otherwise.
 
     Attributes:
         json: Print one JSON object on stdout.
     """
 
-    target: tyro.conf.Positional[str]
+    target: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="TARGET")]
     num_steps: Annotated[int, tyro.conf.arg(name="steps")] = setting(300, AT_LEAST_1)
     launch: tyro.conf.Suppress[LaunchOptions] = field(default_factory=LaunchOptions)
     json: bool = False

@@ -30,14 +30,14 @@ class ControlCommand:
     """Switch the modes of policies in a running run, save a checkpoint, or stop it.
 
     Modes are train, frozen (acts as in training but learns nothing) and deterministic (takes the
-    most probable actions and learns nothing). The trainer looks for requests after every update.
+    most probable actions and learns nothing). The trainer takes requests after every update.
 
     Attributes:
-        changes: Run folder, then what policies are to do: chaser=frozen. The folder may be left out
-            when exactly one run in runs is running.
+        changes: Run folder, then modes of policies, such as chaser=frozen. The folder may be left
+            out if exactly one run in ./runs is running.
         save: Write a checkpoint now.
         stop: End training, with a checkpoint and the evaluation.
-        timeout: Seconds to wait until the trainer has taken the requests.
+        timeout: Seconds to wait for the trainer to take the requests.
     """
 
     changes: Annotated[

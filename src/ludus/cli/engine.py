@@ -25,10 +25,10 @@ class Install:
 
     Attributes:
         kind: Which engine.
-        rendering: Also install what the engine needs to draw: a renderer and, on a Linux
-            machine without a screen, Xvfb.
-        templates: Also install the template for exporting games for Linux (Godot 4).
-        force: Install again even if it is installed already.
+        rendering: Also install what the engine needs to draw: a renderer and, on a Linux machine
+            without a screen, Xvfb.
+        templates: Also install the template for exporting games for Linux (Godot 4 only).
+        force: Install again, even if the cache has a usable one.
     """
 
     kind: tyro.conf.Positional[KindName] = "godot4"

@@ -28,7 +28,7 @@ class ExportCommand(ExportConfig):
     like. Nothing is written unless all runtimes compute what was trained.
     """
 
-    run: tyro.conf.Positional[Path]
+    run: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RUN")]
     is_tested: Annotated[bool, tyro.conf.arg(name="parity")] = True
 
 

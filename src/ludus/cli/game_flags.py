@@ -16,16 +16,17 @@ class GameFlags:
     """Each is as in training unless given.
 
     Attributes:
-        target: Play in this target; none is the one the run was trained in.
-        scene: Scene of the project; none is the one that was trained.
-        num_worlds: Worlds in each engine; none is as many as in training.
-        num_engines: Game processes side by side; none is as many as in training.
-        layout: How worlds are kept apart; none is as in training.
-        ticks_per_step: Physics ticks per decision; none is as in training.
-        max_episode_steps: Steps after which episodes are truncated; none is as in training.
-        godot: Engine to use; none is as in training.
-        is_pinned: Give each engine a core of its own, as in training; without it none gets one.
-        token_file: File with the token of a game on another machine; none is as in training.
+        target: Target to play in; the run's own if not given.
+        scene: Scene of the project; the one that was trained if not given.
+        num_worlds: Worlds in each engine; as in training if not given.
+        num_engines: Game processes side by side; as in training if not given.
+        layout: How worlds are kept apart; as in training if not given.
+        ticks_per_step: Physics ticks per decision; as in training if not given.
+        max_episode_steps: Steps after which episodes are truncated; as in training if not given.
+        godot: Engine to use; as in training if not given.
+        is_pinned: Give each engine its own core, as in training if not given; without it none gets
+            one.
+        token_file: File with the token of a game on another machine; as in training if not given.
     """
 
     target: str | None = None

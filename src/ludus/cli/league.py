@@ -8,7 +8,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -33,23 +33,20 @@ CLEAR_WIN = 0.6
 class LeagueCommand(ActionFlags, GameFlags):
     """Let the agents of a run and their past selves play each other, and print who beats whom.
 
-    Past selves are those of self-play; a run without it has its older checkpoints. A cell is the
-    share of the games that the row's player won, draws counted as halves. Players are named by the
-    updates the run had made; "now" is the newest.
+    Past selves come from self-play; without it, older checkpoints of the run play instead. A cell
+    is the share of games that the row's player won, with draws counted as half. Players are named
+    by the number of updates that the run had made; "now" is the newest.
 
     Attributes:
-        run: Run folder, whose newest checkpoint is taken, or one of its checkpoints.
-        episodes: Games of every two players.
-        max_players: Players of each policy; of more, some evenly spaced ones play.
-        recorded: Play nothing, and print the ratings that training noted.
+        run: Run folder, whose newest checkpoint is used, or one of its checkpoints.
+        episodes: Games between any two players.
+        max_players: Most players of each policy; of more, evenly spaced ones are chosen.
+        recorded: Play nothing; print the ratings from training.
         seed: Seed of worlds and actions.
-        target: Play in this target; none is the one the run was trained in.
-        num_worlds: Worlds in each engine; none is as many as in training.
-        num_engines: Game processes team by team; none is as many as in training.
         json: Print one JSON object on stdout.
     """
 
-    run: tyro.conf.Positional[Path]
+    run: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RUN")]
     episodes: int = 20
     max_players: int = 8
     recorded: bool = False
@@ -94,7 +91,7 @@ def run(command: LeagueCommand) -> int:
     else:
         _print({match_title(table, command.episodes): match_table(table) for table in tables})
         if not tables:
-            sys.stdout.write("there is only the newest policy yet, and nobody to play against\n")
+            sys.stdout.write("there are no past selves yet for the newest policy to play against\n")
     return 0
 
 
@@ -143,7 +140,7 @@ def _show_recorded(command: LeagueCommand, league_players: LeaguePlayers) -> Non
 
 
 def _print(tables: Mapping[str, Table]) -> None:
-    """Print tables by title; one that is wider than the table stays in one line."""
+    """Print tables, each below its title, which may be wider than the table."""
     from rich.console import Console
 
     console = Console()

@@ -25,22 +25,22 @@ HEADLESS_EPISODES = 10
 class PlayCommand(ActionFlags, PlayConfig):
     """Play a game in a window: with trained agents, at random, or by hand.
 
-    A run folder plays what was trained there. A game is played by hand, or at random with --random.
-    Close the window or press Ctrl-C to end.
+    With a run folder, the agents trained there play; with a game, you do, or chance with --random.
+    Close the window or press Ctrl-C to stop.
 
     Attributes:
         target: Run folder or checkpoint of trained agents; or a game: a bundled example, a project
             folder, a scene, an exported game, or gym:ENV_ID.
-        in_engine: Let the game play the trained agents itself, without Python, as it will when it
+        in_engine: Let the game itself play the trained agents, without Python, as it will when it
             is shipped.
         random: Take random actions.
-        num_episodes: End after so many episodes of each policy; none plays until the window is
-            closed, without a window ten.
-        scene: Scene of the project; none is the one that was trained, or the main scene.
-        seed: Seed of worlds and samples; in the engine, worlds draw their own.
+        num_episodes: End after this many episodes of each policy; if not given, when the window is
+            closed, or after ten episodes without a window.
+        scene: Scene of the project; if not given, the one that was trained, or the main scene.
+        seed: Seed of worlds and samples; with --in-engine, worlds draw their own.
     """
 
-    target: tyro.conf.Positional[str]
+    target: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="TARGET")]
     in_engine: bool = False
     random: bool = False
     num_episodes: Annotated[int | None, tyro.conf.arg(name="episodes")] = setting(
@@ -65,14 +65,14 @@ def run(command: PlayCommand) -> int:
     stochastic = command.choose()
     if command.in_engine and (command.random or not is_trained):
         raise ConfigError(
-            "--in-engine plays what was trained in a run",
+            "--in-engine needs the trained agents of a run",
             hint="name a run folder, such as runs/cartpole-…, and leave --random out",
         )
     if not command.is_headless:
         require_screen()
     elif not command.random and not is_trained:
         raise ConfigError(
-            "nobody can play by hand without a window",
+            "a game cannot be played by hand without a window",
             hint="use --random, or name a run folder",
         )
     config: PlayConfig = command
@@ -112,7 +112,7 @@ def _play_in_engine(config: PlayConfig, run_folder: Path, *, is_stochastic: bool
 
     for name in ("ticks_per_step", "max_episode_steps"):
         if (value := getattr(config, name)) is not None:
-            text = f"trained with {name} {value}; in the engine the agents' own holds"
+            text = f"trained with {name} {value}; in the engine, the agents' own setting applies"
             sys.stderr.write(f"warning: {text}\n")
     with tempfile.TemporaryDirectory(prefix="ludus-policies-") as folder:
         files = write_policies(run_folder, Path(folder))

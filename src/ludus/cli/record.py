@@ -18,17 +18,17 @@ __all__ = ["COMMAND", "RecordCommand", "run"]
 
 @dataclass(frozen=True, kw_only=True)
 class RecordCommand(ActionFlags, RecordConfig):
-    """Play a game in a window of its own and write a film of it.
+    """Play a game in its own window and write a film of it.
 
-    Every frame of the game is taken once, however slowly it is drawn. Where there is no screen,
-    Xvfb is started for the time. A run folder plays what was trained there.
+    Every frame of the game is filmed once, however slowly it is drawn. On a machine without a
+    screen, Xvfb is started meanwhile. With a run folder, the agents trained there play.
 
     Attributes:
-        policy: Run folder or checkpoint of trained agents; or policy files (.ludus.json), each
-            with its own --policy. Without it the game is filmed as it is.
+        policy: Run folder or checkpoint of trained agents; or policy files (.ludus.json), each with
+            its own --policy. Without it the game is filmed as it is.
     """
 
-    target: tyro.conf.Positional[str]
+    target: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="TARGET")]
     policy: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
     is_random: Annotated[bool, tyro.conf.arg(name="random")] = False
     is_stochastic: tyro.conf.Suppress[bool] = False

@@ -8,11 +8,11 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from ludus.cli.figures import CURVE_WIDTH, clock, sparkline
+from ludus.training.figures import CURVE_WIDTH, clock, sparkline
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -28,6 +28,7 @@ STYLES: dict[RunState, str] = {
     "stopped": "yellow",
     "interrupted": "yellow",
     "diverged": "red",
+    "failed": "red",
     "crashed": "red",
 }
 
@@ -37,11 +38,11 @@ class RunsCommand:
     """List the runs in a folder, newest first, with the last figures of each policy.
 
     Attributes:
-        folder: Where the run folders are; a single run folder will do, too.
+        folder: Folder that holds the run folders, or a single run folder.
         json: Print one JSON object on stdout.
     """
 
-    folder: tyro.conf.Positional[Path] = Path("runs")
+    folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="[FOLDER]")] = Path("runs")
     json: bool = False
 
 

@@ -26,20 +26,20 @@ class ServeCommand:
     for godot-ai works unchanged with --bridge godot-ai.
 
     Attributes:
-        bridge: What the games speak: ludus (our add-on), or the legacy bridge godot-ai.
-        port: TCP port, open to this machine only; 11011 if not given, 9999 for godot-ai.
-        runs: Folder of the runs, in which each game names its own; ./runs if not given.
-        policies: Folder for the policies that a game asks for; the run's folder policies if not
-            given.
+        bridge: What the games speak: ludus (the Ludus add-on), or godot-ai (a legacy bridge).
+        port: TCP port, open to this machine only; if not given, 11011, or 9999 for godot-ai.
+        runs: Folder of the runs; each game names its own run. ./runs if not given.
+        policies: Folder for the policies that games ask for; if not given, the folder policies of
+            the run.
         once: End when the first game has disconnected, or if none connects within a minute.
-        project: godot-ai: folder of the game; the current one if not given. Files that the game
+        project: For godot-ai: folder of the game, the current one if not given. Files that the game
             names are read from there only; checkpoints are in its AIServerCommFiles/ludus.
-        seed: Seed of new runs whose game names none; random if not given. godot-ai: seed of
-            networks and sampling; 0 if not given.
+        seed: Seed of new runs whose game names none; random if not given. For godot-ai: seed of
+            networks and sampling, 0 if not given.
         device: PyTorch device, such as cpu or cuda; auto is cuda if it is available.
         torch_threads: Threads that PyTorch may use.
-        message_timeout_s: Seconds within which a greeting has to arrive; with godot-ai the rest
-            of any message.
+        message_timeout_s: Seconds to wait for a game's greeting; with godot-ai, for the rest of any
+            message.
         log: File for log messages, in addition to the terminal.
     """
 

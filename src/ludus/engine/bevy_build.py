@@ -99,7 +99,7 @@ def build_bevy_example(name: str) -> Path:
             hint="install Rust from https://rustup.rs",
         )
     package, *features = name.split(FEATURE_MARK)
-    command = [cargo, "build", "--release", "--locked", "--package", package]
+    command = [cargo, "build", "--release", "--locked", "--package", package, "--example", package]
     command += ["--features", ",".join(features)] if features else []
     with file_lock(require_cache_root() / "bevy.lock", _BUILD_TIMEOUT_S):
         lines = _run_cargo([*command, "--message-format", "json-render-diagnostics"], root, name)
@@ -137,9 +137,9 @@ def _run_cargo(command: list[str], root: Path, name: str) -> list[str]:
 
 
 def _keep(built: Path, name: str) -> Path:
-    """Copy an executable to a name of its own, unless the copy is current.
+    """Copy an executable to a file that is named after its features, unless the copy is current.
 
-    Cargo builds an example with other features into the same file, even while somebody plays it.
+    Cargo builds an example with other features into the same file, even while it runs.
     """
     kept = built.parent / "kept" / built.with_stem(name).name
     kept.parent.mkdir(exist_ok=True)

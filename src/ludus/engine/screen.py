@@ -69,10 +69,10 @@ def with_display(command: tuple[str, ...]) -> tuple[str, ...]:
         return command
     xvfb = find_xvfb()
     if xvfb is None:
-        raise SetupError("the game needs a screen, but there is neither one nor Xvfb", _HINT)
+        raise SetupError("the game needs a screen: this machine has neither one nor Xvfb", _HINT)
     return with_virtual_screen(command, xvfb)
 
 
 def with_virtual_screen(command: tuple[str, ...], xvfb: Path) -> tuple[str, ...]:
-    """Give a command a virtual screen of its own; see `with_display`."""
+    """Give a command its own virtual screen; see `with_display`."""
     return ("/bin/sh", "-c", _SCRIPT, str(xvfb), *command)

@@ -14,13 +14,13 @@ class ExportConfig:
 
     Attributes:
         run: Run folder, or one of its checkpoints; or a model of Stable-Baselines3 (.zip).
-        policy: Export only this policy; none exports all.
+        policy: Export only this policy; all if not given.
         to: A file, if there is one policy; a folder; or a pattern such as models/{policy}.onnx.
-            None writes .ludus.json files into the run's folder.
+            If not given, .ludus.json files in the run's folder.
         checkpoint: "newest", "best" (the highest mean return), or one of the run's checkpoints.
         is_tested: Test that every runtime computes what was trained, the game engine included.
-        godot: Godot to test with; none is the run's, or the one that ludus finds. A run in a Bevy
-            game is tested with that game.
+        godot: Godot to test with; if not given, the run's, or the one that ludus finds. A run in a
+            Bevy game is tested with that game.
         game: What a model of Stable-Baselines3 was trained in, which its file does not tell.
     """
 

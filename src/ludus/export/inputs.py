@@ -23,7 +23,7 @@ TYPICAL = 3.0
 EXTREME = 12.0
 """Deviations of the extreme ones, beyond where normalised values are cut off."""
 BEYOND = 1e6
-"""Bounds further out than this say nothing about what is met."""
+"""Bounds further out than this say nothing about typical values."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class ParityInputs:
 def draw_inputs(
     model: PolicyModel, recorded: Mapping[str, NDArray[Any]], seed: int = 0
 ) -> ParityInputs:
-    """Return observations within the entries' bounds, and such as were met in training.
+    """Return random observations within the entries' bounds, and recorded ones from training.
 
     The first two agents see the lowest and the highest values. Of the other random ones every
     second one keeps within three deviations of the mean, as the normalisation knows them.
@@ -75,20 +75,6 @@ def draw_inputs(
     num_recorded = min(num_random, len(next(iter(recorded.values()), ())))
     order = np.stack([random.permutation(num_recorded) for _ in range(num_steps)])
     observation: dict[str, NDArray[Any]] = {}
-    for entry, (mean, deviation) in _statistics(model):
-        drawn = _draw(random, entry, (num_steps, num_random), mean, deviation)
-        if num_recorded:
-            drawn = np.concatenate([drawn, recorded[entry.name][order]], 1)
-        observation[entry.name] = drawn
-    shape = (num_steps, num_random + num_recorded)
-    return ParityInputs(observation, _draw_masks(random, model, shape), num_recorded)
-
-
-def _statistics(
-    model: PolicyModel,
-) -> list[tuple[ObservationEntry, tuple[NDArray[Any], NDArray[Any]]]]:
-    """Return every entry with mean and deviation of its elements, ``float64[size]`` each."""
-    found: list[tuple[ObservationEntry, tuple[NDArray[Any], NDArray[Any]]]] = []
     start = 0
     for entry in model.observation:
         mean, deviation = np.zeros(entry.size), np.ones(entry.size)
@@ -97,8 +83,12 @@ def _statistics(
             mean = model.normalisation.shift[part].astype(np.float64)
             deviation = 1.0 / np.maximum(model.normalisation.scale[part].astype(np.float64), 1e-6)
             start += entry.size
-        found.append((entry, (mean, deviation)))
-    return found
+        drawn = _draw(random, entry, (num_steps, num_random), mean, deviation)
+        if num_recorded:
+            drawn = np.concatenate([drawn, recorded[entry.name][order]], 1)
+        observation[entry.name] = drawn
+    shape = (num_steps, num_random + num_recorded)
+    return ParityInputs(observation, _draw_masks(random, model, shape), num_recorded)
 
 
 def _draw(
@@ -108,7 +98,7 @@ def _draw(
     mean: NDArray[Any],
     deviation: NDArray[Any],
 ) -> NDArray[Any]:
-    """Return ``dtype[*shape, *entry.shape]``."""
+    """Return ``dtype[*shape, *entry.shape]``; mean and deviation are ``float64[entry.size]``."""
     low, high = (bound.astype(np.float64).reshape(-1) for bound in entry.bounds())
     low, has_low = np.where(low < -BEYOND, mean - EXTREME * deviation, low), low >= -BEYOND
     high, has_high = np.where(high > BEYOND, mean + EXTREME * deviation, high), high <= BEYOND

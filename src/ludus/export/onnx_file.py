@@ -4,7 +4,7 @@ Inputs, ``n`` agents at once: every observation entry by its name and in its own
 they are; ``action_mask`` (bool) if the policy has masks; ``memory`` (zeros at the beginning of an
 episode) if it has one. Outputs:
 
-- ``outputs``: what the network puts out, ``float32[n, outputs]``;
+- ``outputs``: the raw outputs of the network, ``float32[n, outputs]``;
 - ``discrete``: the most probable choices, ``int64[n, components]``;
 - ``continuous``: the means, in the bounds of the action space, ``float32[n, size]``;
 - ``log_std``: log deviations where the bounds are -1 and 1, before squashing or cutting off;
@@ -32,10 +32,10 @@ from ludus.model.policy_model import PolicyModel, is_image
 from ludus.spec import ObservationEntry
 from ludus.version import __version__
 
-__all__ = ["MASK", "MEMORY", "to_onnx", "write_onnx"]
+__all__ = ["MASK", "MEMORY", "OPSET", "check_names", "to_onnx", "with_metadata", "write_onnx"]
 
 OPSET, IR_VERSION = 17, 8
-"""Of 2022: what runtimes of the last years read."""
+"""From 2022, so that runtimes of the last years can read the files."""
 MASK, MEMORY = "action_mask", "memory"
 RESERVED = (MASK, MEMORY, "memory_out", "outputs", "discrete", "continuous", "log_std")
 """Names of other inputs and outputs, which no observation entry may have."""
@@ -65,7 +65,7 @@ def to_onnx(model: PolicyModel) -> onnx.ModelProto:
     Raises:
         RunError: An observation entry has the name of another input or output.
     """
-    _check_names(model)
+    check_names(model)
     graph = OnnxGraph()
     features = _features(graph, model)
     outputs: list[ValueInfoProto] = []
@@ -82,7 +82,12 @@ def to_onnx(model: PolicyModel) -> onnx.ModelProto:
     return _checked(graph, model, outputs)
 
 
-def _check_names(model: PolicyModel) -> None:
+def check_names(model: PolicyModel) -> None:
+    """Refuse an observation entry that has the name of another input or output.
+
+    Raises:
+        RunError: It names the entry.
+    """
     for entry in model.observation:
         if entry.name in RESERVED:
             raise RunError(
@@ -187,6 +192,11 @@ def _checked(
         producer_name="ludus",
         producer_version=__version__,
     )
+    return with_metadata(proto, model)
+
+
+def with_metadata(proto: onnx.ModelProto, model: PolicyModel) -> onnx.ModelProto:
+    """Add the policy's name and spec to an ONNX model, and check it."""
     spec = {
         "observation": [entry.to_json() for entry in model.observation],
         "action": [part.to_json() for part in model.action],

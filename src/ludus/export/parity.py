@@ -24,13 +24,15 @@ from ludus.export.runtimes import (
     Answers,
     answer_with_numpy,
     answer_with_onnx,
+    answer_with_torch,
 )
 from ludus.model.policy_model import PolicyModel
+from ludus.networks.policy import Policy
 
 __all__ = ["ParityReport", "PolicyFiles", "has_onnx_runtime", "measure_parity", "require_parity"]
 
 Reference = Callable[[ParityInputs], Answers]
-"""Answers of what was trained, which those of all runtimes are compared with."""
+"""Answers of a network that is not Ludus's own."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +40,11 @@ class PolicyFiles:
     """One policy in all formats that are tested.
 
     Attributes:
-        json: The ``.ludus.json``.
+        json: The ``.ludus.json``; None if that cannot hold it, which leaves NumPy and engines out.
         onnx: The ``.onnx``; None leaves ONNX Runtime out.
     """
 
-    json: Path
+    json: Path | None
     onnx: Path | None = None
 
 
@@ -69,7 +71,7 @@ def has_onnx_runtime() -> bool:
 
 
 def measure_parity(
-    reference: Reference,
+    policy: Policy | Reference,
     model: PolicyModel,
     files: PolicyFiles,
     engine: InstalledEngine | BevyGame | None,
@@ -78,8 +80,8 @@ def measure_parity(
     """Ask every runtime and compare its answers with those of PyTorch.
 
     Args:
-        reference: What the trained network answers.
-        model: What was exported.
+        policy: The trained network, or what answers as it does.
+        model: What was exported, or its outline.
         files: Where.
         engine: Godot or a Bevy game; None leaves the engine out.
         recorded: Observations from the training, per entry ``dtype[n, *shape]``; may be empty.
@@ -88,11 +90,14 @@ def measure_parity(
         EngineError: The engine failed.
     """
     inputs = draw_inputs(model, recorded)
-    expected = reference(inputs)
-    answers: dict[str, Answers] = {"NumPy": answer_with_numpy(files.json, inputs)}
+    is_ours = isinstance(policy, Policy)
+    expected = answer_with_torch(policy, inputs) if is_ours else policy(inputs)
+    answers: dict[str, Answers] = {}
+    if files.json is not None:
+        answers["NumPy"] = answer_with_numpy(files.json, inputs)
     if files.onnx is not None:
         answers["ONNX Runtime"] = answer_with_onnx(files.onnx, inputs)
-    if engine is not None:
+    if engine is not None and files.json is not None:
         is_bevy = isinstance(engine, BevyGame)
         name = "Bevy" if is_bevy else f"Godot {'.'.join(map(str, engine.version))}"
         answers[name] = answer_with_engine(engine, files.json, model, inputs)

@@ -132,7 +132,7 @@ def teams_of(pool: Pool) -> Teams:
 
 
 def _schedule(teams: Teams, league_players: LeaguePlayers, episodes: int) -> Iterable[_Game]:
-    """Return all games; those of one player stand together, so that few networks run at once."""
+    """Return all games; those of one player in a row, so that few networks run at once."""
     names = teams.policies
     newest = [len(league_players[name]) - 1 for name in names]
     if len(set(names)) == 1:
@@ -164,7 +164,7 @@ def _lineup(newest: Sequence[int], *changed: tuple[int, int]) -> tuple[int, ...]
 
 
 class _Tournament:
-    """The worlds of a pool, each with a game of its own."""
+    """The worlds of a pool, each with its own game."""
 
     def __init__(
         self, teams: Teams, league_players: LeaguePlayers, pool: Pool, config: TournamentConfig
@@ -196,7 +196,13 @@ class _Tournament:
             steps_left -= 1
             if len(finished.worlds):
                 if self._pool.num_restarts == num_restarts:
-                    results += self._results(finished.worlds, finished.returns)
+                    results += [
+                        (game, score(returns.tolist(), game.first, game.second))
+                        for game, returns in zip(
+                            self._played(finished.worlds), finished.returns, strict=True
+                        )
+                        if game is not None
+                    ]
                 else:  # games of an engine that died were cut short; play them again
                     waiting.extend(
                         game for game in self._played(finished.worlds) if game is not None
@@ -228,15 +234,6 @@ class _Tournament:
             for player in players:
                 player.forget(rows)  # one that paused may remember another game
 
-    def _results(
-        self, worlds: NDArray[np.int64], returns: NDArray[np.float64]
-    ) -> list[tuple[_Game, float]]:
-        return [
-            (game, score(returns_of_teams.tolist(), game.first, game.second))
-            for game, returns_of_teams in zip(self._played(worlds), returns, strict=True)
-            if game is not None
-        ]
-
     def _played(self, worlds: NDArray[np.int64]) -> list[_Game | None]:
         return [self._games[int(world)] for world in worlds]
 
@@ -262,7 +259,9 @@ def _tables(
     for game, points in results:
         key = (names[game.first], names[game.second])
         if key not in tables:
-            tables[key] = _empty_table(*(league_players[name] for name in key))
+            rows, columns = (league_players[name] for name in key)
+            counts = np.zeros((3, len(rows), len(columns)), np.int64)
+            tables[key] = MatchTable(rows, columns, *counts)
         row, column = game.lineup[game.first], game.lineup[game.second]
         _count(tables[key], row, column, points)
         if key[0] == key[1]:
@@ -273,10 +272,3 @@ def _tables(
 def _count(table: MatchTable, row: int, column: int, points: float) -> None:
     counts = {1.0: table.wins, 0.5: table.draws, 0.0: table.losses}[points]
     counts[row, column] += 1
-
-
-def _empty_table(rows: tuple[LeaguePlayer, ...], columns: tuple[LeaguePlayer, ...]) -> MatchTable:
-    def zeros() -> NDArray[np.int64]:
-        return np.zeros((len(rows), len(columns)), np.int64)
-
-    return MatchTable(rows, columns, zeros(), zeros(), zeros())

@@ -17,6 +17,7 @@ from ludus.legacy.world import POLICY, LegacyWorld, read_declaration
 from ludus.spec import PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batches, StepTimes
 from ludus.spec.finite import check_finite
+from ludus.wire.requests import MetricSummary
 from ludus.wire.reset import ResetAction, ResetRequest
 
 __all__ = ["LegacySession"]
@@ -172,6 +173,10 @@ class LegacySession:
     def take_requests(self) -> list[dict[str, Any]]:
         """Return nothing: these games ask nothing of their trainer."""
         return []
+
+    def take_metrics(self) -> dict[str, MetricSummary]:
+        """Return nothing: these games report no metrics."""
+        return {}
 
     def show_status(self, status: Mapping[str, Any]) -> None:
         """Do nothing: these games do not watch their training."""

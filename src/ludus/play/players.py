@@ -17,6 +17,7 @@ from ludus.spec import PolicySpec
 from ludus.spec.batch import ActionBatch, Batch, Batches
 
 if TYPE_CHECKING:
+    from ludus.networks.own_network import MakeNetwork
     from ludus.networks.policy import Policy
 
 __all__ = [
@@ -79,7 +80,11 @@ def trained_player(
 
 
 def load_player(
-    paths: Sequence[Path], pool: Pool, seed: int, stochastic: Stochastic = False
+    paths: Sequence[Path],
+    pool: Pool,
+    seed: int,
+    stochastic: Stochastic = False,
+    networks: Mapping[str, MakeNetwork] | None = None,
 ) -> Act:
     """Act as a run or policy files say.
 
@@ -89,6 +94,7 @@ def load_player(
         pool: Where they act.
         seed: Of drawn actions.
         stochastic: Which policies draw their actions.
+        networks: What the run was trained with in the place of Ludus's networks.
 
     Raises:
         CheckpointError: The run has no checkpoint, or was trained for something else.
@@ -99,7 +105,8 @@ def load_player(
     if len(paths) == 1 and paths[0].is_dir():
         from ludus.runs.saved import load_policies
 
-        return trained_player(load_policies(paths[0], pool.policies), pool, seed, stochastic)
+        policies = load_policies(paths[0], pool.policies, networks)
+        return trained_player(policies, pool, seed, stochastic)
     drawing = _drawing(stochastic, pool)
     return _join({
         name: FilePlayer(runner, np.random.default_rng((seed, i)) if name in drawing else None)

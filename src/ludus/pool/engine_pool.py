@@ -24,6 +24,7 @@ from ludus.errors import (
 from ludus.session import Session
 from ludus.spec import PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batch, Batches, StepTimes
+from ludus.wire.requests import MetricSummary, add_metrics
 from ludus.wire.reset import Parameters, ResetAction, ResetRequest
 
 __all__ = ["EnginePool"]
@@ -227,6 +228,19 @@ class EnginePool:
                 self._note_loss(engine, error)
             else:
                 taken += [request for request in requests if request not in taken]
+        return taken
+
+    def take_metrics(self) -> dict[str, MetricSummary]:
+        """Fetch what the games have reported; see :meth:`ludus.pool.Pool.take_metrics`."""
+        self._check_idle("take_metrics")
+        taken: dict[str, MetricSummary] = {}
+        for engine, session in enumerate(self._sessions):
+            if self._is_lost[engine]:
+                continue
+            try:
+                taken = add_metrics(taken, session.take_metrics())
+            except _RESTARTABLE as error:
+                self._note_loss(engine, error)
         return taken
 
     def show_status(self, status: Mapping[str, Any]) -> None:

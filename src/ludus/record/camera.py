@@ -1,8 +1,7 @@
 """Takes the frames of a Godot game, in the order in which it draws them, each once.
 
-``recorder.gd`` runs in the game, in the place of Godot's main loop, and sends every frame over a
-connection of its own. It waits until the frame is taken, so that none is lost; the game's own time
-does not go on meanwhile.
+``recorder.gd`` replaces Godot's main loop in the game, and sends every frame over a separate
+connection. It waits until the frame is taken, so that none is lost; game time stops until then.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ _POLL_S = 0.05
 
 
 class Camera:
-    """Hands the frames of one game to ``take``, in a thread of its own.
+    """Hands the frames of one game to ``take``, in its own thread.
 
     Set :attr:`variable` and :meth:`engine_args` for the game, start it, then :meth:`connect`,
     :meth:`begin`, let it play, :meth:`end`, close the game, :meth:`finish`.
@@ -91,8 +90,8 @@ class Camera:
                 continue
         if self._link is None:
             raise EngineStartError(
-                f"the game did not begin to film within {timeout_s:g} s",
-                hint="does `ludus play` open its window?",
+                f"the game sent no frames within {timeout_s:g} s",
+                hint="check that `ludus play` opens its window",
             )
         self._link.settimeout(SILENCE_S)
         self._thread.start()
@@ -124,7 +123,7 @@ class Camera:
         self._thread.join(SILENCE_S)
         self.check()
         if not self._has_end:
-            raise EngineCrashed("the game ended before all of its frames had come")
+            raise EngineCrashed("the game ended before all of its frames had arrived")
 
     def close(self) -> None:
         """Let go of the game; may be called twice."""

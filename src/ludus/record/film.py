@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from fractions import Fraction
 from importlib.util import find_spec
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,7 +29,7 @@ Frame = NDArray[np.uint8]
 class Film:
     """Writes a ``.mp4``, ``.webm`` or ``.gif``; the ending says which.
 
-    Nothing stands under the final name before the film is whole; after an error, nothing is left.
+    The file is replaced only once the film is complete; an error leaves nothing behind.
 
     ::
 
@@ -60,7 +59,10 @@ class Film:
         self._rate = Fraction(frames_per_second).limit_denominator(1000)
         self._width = width
         check_out(self.path)
-        _check_numbers(self._rate, width)
+        if self._rate <= 0:
+            raise ConfigError(f"a film needs more than {float(self._rate):g} frames a second")
+        if width is not None and width < 2:
+            raise ConfigError(f"the width of a film must be at least 2 pixels, not {width}")
         self._incoming = self.path.with_name(f".{self.path.name}.{os.getpid()}.incoming")
         self._container: Any = None
         self._stream: Any = None
@@ -70,7 +72,7 @@ class Film:
         """Append one frame; a later one of another size is scaled to the first one's.
 
         Raises:
-            UsageError: It is no ``uint8[height, width, 3]``.
+            UsageError: It is not ``uint8[height, width, 3]``.
             RunError: The disk is full, or the like.
         """
         import av
@@ -108,20 +110,17 @@ class Film:
         """Leave nothing behind; may be called twice."""
         container, self._container = self._container, None
         if container is not None:
+            from av.error import FFmpegError
+
             # The end of the file cannot be written, say because the disk is full; no matter.
-            with _ignored_av_errors():
+            with suppress(OSError, FFmpegError):
                 container.close()
         self._incoming.unlink(missing_ok=True)
 
     def __enter__(self) -> Film:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
         try:
             if error is None:
                 self.close()
@@ -136,7 +135,10 @@ class Film:
             str(self._incoming), "w", format=kind.container, options=dict(kind.container_options)
         )
         self._stream = self._container.add_stream(kind.codec, rate=self._rate)
-        self._stream.width, self._stream.height = _film_size(frame, self._width)
+        height, full_width = frame.shape[:2]
+        width = full_width if self._width is None else self._width
+        self._stream.width = max(2, width // 2 * 2)
+        self._stream.height = max(2, round(height * width / full_width / 2) * 2)
         self._stream.pix_fmt = kind.pixels
         self._stream.options = dict(kind.options)
         if kind.pixels == "pal8":
@@ -178,20 +180,6 @@ def check_out(path: Path) -> FilmKind:
     return kind
 
 
-def _check_numbers(rate: Fraction, width: int | None) -> None:
-    if rate <= 0:
-        raise ConfigError(f"a film needs more than {float(rate):g} frames a second")
-    if width is not None and width < 2:
-        raise ConfigError(f"the width of a film must be at least 2 pixels, not {width}")
-
-
-def _film_size(frame: Frame, width: int | None) -> tuple[int, int]:
-    """Return width and height, both even."""
-    height, full_width = frame.shape[:2]
-    wanted = full_width if width is None else width
-    return max(2, wanted // 2 * 2), max(2, round(height * wanted / full_width / 2) * 2)
-
-
 @contextmanager
 def _disk_errors(path: Path) -> Generator[None]:
     from av.error import FFmpegError
@@ -201,15 +189,5 @@ def _disk_errors(path: Path) -> Generator[None]:
     except (OSError, FFmpegError) as error:
         raise RunError(
             f"the film {path} could not be written: {error}",
-            hint="is the disk full, or the folder gone?",
+            hint="check that the disk is not full and that the folder still exists",
         ) from error
-
-
-@contextmanager
-def _ignored_av_errors() -> Generator[None]:
-    from av.error import FFmpegError
-
-    try:
-        yield
-    except (OSError, FFmpegError):
-        return

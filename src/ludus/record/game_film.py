@@ -176,5 +176,6 @@ def _await_film(camera: Camera, process: EngineProcess) -> None:
 def _check_alive(process: EngineProcess) -> None:
     if (code := process.poll()) is not None:
         raise EngineCrashed(
-            f"the game ended before its film: {process.describe_death()}", process_exit_code=code
+            f"the game ended before the film was complete: {process.describe_death()}",
+            process_exit_code=code,
         )

@@ -54,7 +54,7 @@ def env_rate(env: GymEnv) -> Fraction:
     rate = env.metadata.get("render_fps")
     if not isinstance(rate, int | float) or rate <= 0:
         raise ConfigError(
-            f"the environment's metadata has no render_fps, but {rate!r}",
+            f"the environment's metadata must give render_fps, a number above 0, not {rate!r}",
             hint='set metadata["render_fps"] in its class',
         )
     return Fraction(rate).limit_denominator(1000)
@@ -72,7 +72,7 @@ def film_gymnasium(env: GymEnv, player: MakePlayer, shot: Shot) -> dict[str, int
         How many episodes have ended.
 
     Raises:
-        TargetError: It renders something that is no picture.
+        TargetError: It renders something other than pictures.
         RunError: The film could not be written.
     """
     frames = itertools.count()

@@ -39,21 +39,22 @@ class RecordConfig(GameConfig):
     """What to film.
 
     Attributes:
-        target: A bundled example, a project folder, a scene, gym:ENV_ID, or a run folder, which is
-            then the policy, too.
+        target: A bundled example, a project folder, a scene, gym:ENV_ID, or a run folder, whose
+            agents then play.
         out: File to write: .mp4, .webm or .gif.
         policy: Run folder or checkpoint of trained agents; or policy files (.ludus.json), one for
-            each policy of the game. Empty: the game as it is.
+            each policy of the game. Without it the game is filmed as it is.
         is_random: Take random actions.
-        is_stochastic: Draw actions as in training, instead of taking the most probable ones.
-        num_episodes: End after so many episodes of each policy; none ends with ``seconds``.
-        seconds: Length of the film at most; none is 10, with a number of episodes 600.
-        start: Seconds to leave out at the beginning.
-        frames_per_second: Frames per second of the film; none is half of the game's 60, of a .gif
-            a third.
-        width: Width of the film in pixels; none is that of the window.
-        window: Width and height of the game's window; none is what the project says.
-        scene: Scene of the project; none is the one that was trained, or the main scene.
+        is_stochastic: Sample actions as in training, instead of taking the most probable ones.
+        num_episodes: End after this many episodes of each policy; if not given, only seconds
+            counts.
+        seconds: Longest film; if not given, 10, or 600 with a number of episodes.
+        start: Seconds to skip at the beginning.
+        frames_per_second: Frames per second of the film; if not given, half of the game's 60, for a
+            .gif a third.
+        width: Width of the film in pixels; that of the window if not given.
+        window: Width and height of the game's window; what the project says if not given.
+        scene: Scene of the project; if not given, the one that was trained, or the main scene.
         seed: Seed of worlds and samples.
     """
 
@@ -150,7 +151,7 @@ def _check(config: RecordConfig) -> None:
         raise ConfigError("--policy and --random exclude each other")
     if config.num_episodes is not None and not (config.policy or config.is_random):
         raise ConfigError(
-            "the length is a number of episodes, but nobody plays that could count them",
+            "a number of episodes was given, but nobody plays, so no episode ends",
             hint="use --seconds, or --policy or --random",
         )
     for path in config.policy:

@@ -61,4 +61,7 @@ def _await_answer(server: EngineProcess) -> str:
                 return line.strip()
         if server.wait(_POLL_S) is not None:
             break
-    raise SetupError(f"Xvfb gave no screen: {server.describe_death()}", hint="try Xvfb by hand")
+    raise SetupError(
+        f"Xvfb did not provide a screen: {server.describe_death()}",
+        hint="start Xvfb by hand to see why",
+    )

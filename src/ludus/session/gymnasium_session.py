@@ -19,6 +19,7 @@ from ludus.spec import AgentSpec, PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batch, Batches, StepTimes
 from ludus.spec.batch_rows import action_reader, clear_outcome, write_finals, write_state
 from ludus.spec.gymnasium_spec import read_action, read_observation
+from ludus.wire.requests import MetricSummary
 from ludus.wire.reset import ResetAction, ResetRequest
 
 __all__ = ["GymEnv", "GymnasiumSession", "make_environment"]
@@ -177,6 +178,10 @@ class GymnasiumSession:
     def take_requests(self) -> list[dict[str, Any]]:
         """Return nothing: environments ask nothing of their trainer."""
         return []
+
+    def take_metrics(self) -> dict[str, MetricSummary]:
+        """Return nothing: environments report no metrics."""
+        return {}
 
     def show_status(self, status: Mapping[str, Any]) -> None:
         """Show nothing: environments do not watch their training."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ludus.spec import Spec
 from ludus.spec.batch import ActionBatch, Batches, StepTimes
+from ludus.wire.requests import MetricSummary
 from ludus.wire.reset import ResetRequest
 
 __all__ = ["Session"]
@@ -62,6 +63,10 @@ class Session(Protocol):
 
     def take_requests(self) -> list[dict[str, Any]]:
         """Fetch the game's requests, oldest first (PROTOCOL.md §8)."""
+        ...
+
+    def take_metrics(self) -> dict[str, MetricSummary]:
+        """Fetch the metrics that the game has reported (PROTOCOL.md §8), by name."""
         ...
 
     def show_status(self, status: Mapping[str, Any]) -> None:

@@ -22,6 +22,7 @@ from ludus.settings.checks import (
 
 __all__ = [
     "ALGORITHM_CONFIGS",
+    "CHANGEABLE",
     "Activation",
     "Mode",
     "PPOConfig",
@@ -45,37 +46,36 @@ class PPOConfig(Settings):
 
     Attributes:
         algorithm: Training algorithm.
-        mode: Whether it learns: train; frozen acts as in training but learns nothing;
-            deterministic takes the most probable actions and learns nothing.
+        mode: train, frozen (acts as in training but learns nothing) or deterministic (takes the
+            most probable actions and learns nothing).
         hidden_sizes: Units of each hidden layer of the actor.
-        critic_hidden_sizes: The same of the critic; none is hidden_sizes.
+        critic_hidden_sizes: Units of each hidden layer of the critic; hidden_sizes if not given.
         activation: Non-linearity between layers.
-        memory_size: Units of a recurrent layer (GRU) before the actor; 0 leaves it out.
-        sequence_length: Steps that gradients go back through the memory.
-        learning_rate: Step size of Adam, at the start.
-        learning_rate_schedule: "linear" falls to zero at total_steps, "constant" stays.
+        memory_size: Units of a recurrent layer (GRU) before the actor; 0 for none.
+        sequence_length: Steps over which gradients flow back through the memory.
+        learning_rate: Step size of Adam at the start.
+        learning_rate_schedule: "linear" falls to zero at total_steps, "constant" stays the same.
         rollout_steps: Steps of every agent between two updates.
         minibatch_size: Transitions in one gradient step.
         epochs: Passes over the transitions of one rollout.
         overlap: Learn from one rollout while the next is collected; actions then come from a
             network that is one update older.
-        discount: Gamma; worth of a reward one step later.
+        discount: Gamma: how much a reward is worth one step earlier.
         gae_lambda: Lambda of generalised advantage estimation.
         clip_range: Epsilon of the clipped surrogate objective.
-        value_clip_range: How far a value may move in one update; none does not clip.
+        value_clip_range: How far a value may move in one update; no limit if not given.
         value_coefficient: Weight of the value loss.
         entropy_coefficient: Weight of the entropy bonus.
-        max_grad_norm: Gradients longer than this are shortened to it.
-        target_kl: Stop an update's epochs beyond this divergence; none never stops.
-        normalise_advantage: Whether each minibatch's advantages get mean 0 and deviation 1.
-        normalise_observation: Whether observations are shifted and scaled by running statistics.
-        scale_reward: Whether rewards are divided by the running deviation of the return.
-        initial_log_std: Logarithm of the deviation of continuous actions, at the start, where
-            the bounds are -1 and 1.
-        state_dependent_std: Whether the network puts out the deviation of continuous actions;
+        max_grad_norm: Gradients with a larger norm are scaled down to this one.
+        target_kl: Stop the epochs of an update beyond this KL divergence; never if not given.
+        normalise_advantage: Give the advantages of each minibatch mean 0 and standard deviation 1.
+        normalise_observation: Shift and scale observations by running statistics.
+        scale_reward: Divide rewards by the running standard deviation of the return.
+        initial_log_std: Logarithm of the standard deviation of continuous actions at the start, for
+            bounds of -1 and 1.
+        state_dependent_std: Let the network output the standard deviation of continuous actions;
             otherwise it is the same in every state.
-        squash: Whether tanh keeps continuous actions inside their bounds; otherwise they are
-            cut off there.
+        squash: Keep continuous actions inside their bounds with tanh; otherwise they are clipped.
     """
 
     algorithm: Literal["ppo"] = "ppo"
@@ -119,29 +119,32 @@ class SACConfig(Settings):
 
     Attributes:
         algorithm: Training algorithm.
-        mode: Whether it learns: train; frozen acts as in training but learns nothing;
-            deterministic takes the most probable actions and learns nothing.
+        mode: train, frozen (acts as in training but learns nothing) or deterministic (takes the
+            most probable actions and learns nothing).
         hidden_sizes: Units of each hidden layer of the actor.
-        critic_hidden_sizes: The same of the two critics; none is hidden_sizes.
+        critic_hidden_sizes: Units of each hidden layer of the two critics; hidden_sizes if not
+            given.
         activation: Non-linearity between layers.
         learning_rate: Step size of Adam for actor, critics and temperature.
-        learning_rate_schedule: "linear" falls to zero at total_steps, "constant" stays.
+        learning_rate_schedule: "linear" falls to zero at total_steps, "constant" stays the same.
         batch_size: Transitions in one gradient step.
         replay_capacity: Newest transitions to keep, over all agents.
-        save_replay: Whether checkpoints hold the replay; without it, resuming begins with none.
-        learning_starts: Transitions, acted at random, before learning begins.
+        save_replay: Save the replay in checkpoints; without it, a resumed run starts with an empty
+            one.
+        learning_starts: Random transitions to collect before learning begins.
         updates_per_step: Gradient steps for each step of all agents; below 1 learns every few
             steps.
         report_steps: Steps of every agent between two lines of metrics.
-        discount: Gamma; worth of a reward one step later.
-        target_rate: Tau; share of the critics that their targets take over after each step.
-        temperature: Weight of the entropy; none learns it.
-        initial_temperature: Where a learned temperature begins.
-        target_entropy: Entropy that a learned temperature aims at, nats; none is minus the number
-            of continuous elements, or 0.7 of the highest entropy of a discrete choice.
-        max_grad_norm: Gradients longer than this are shortened to it; none leaves them.
-        normalise_observation: Whether observations are shifted and scaled by running statistics.
-        reward_scale: Rewards are multiplied by this.
+        discount: Gamma: how much a reward is worth one step earlier.
+        target_rate: Tau: share of the critics that their targets take over in each gradient step.
+        temperature: Weight of the entropy; learned if not given.
+        initial_temperature: Start value of a learned temperature.
+        target_entropy: Entropy in nats that a learned temperature aims at; if not given, minus the
+            number of continuous elements, or 0.7 of the highest entropy of a discrete choice.
+        max_grad_norm: Gradients with a larger norm are scaled down to this one; no limit if not
+            given.
+        normalise_observation: Shift and scale observations by running statistics.
+        reward_scale: Factor by which rewards are multiplied.
     """
 
     algorithm: Literal["sac"] = "sac"
@@ -181,3 +184,10 @@ ALGORITHM_CONFIGS: dict[str, type[PPOConfig] | type[SACConfig]] = {
     "sac": SACConfig,
 }
 """Which settings an algorithm has."""
+
+CHANGEABLE = frozenset({
+    "mode", "learning_rate", "learning_rate_schedule", "minibatch_size", "epochs", "gae_lambda",
+    "clip_range", "value_clip_range", "value_coefficient", "entropy_coefficient", "max_grad_norm",
+    "target_kl", "normalise_advantage", "batch_size", "updates_per_step", "target_rate",
+})  # fmt: skip
+"""Settings that may change while a run goes on: no network, array or statistic depends on them."""

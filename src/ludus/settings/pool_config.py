@@ -22,19 +22,20 @@ class GameConfig(Settings):
     """Worlds and engines of a game; the base of the settings of ``train``, ``check`` and so on.
 
     Attributes:
-        scene: Scene of the project, such as res://level.tscn; none is its main scene.
+        scene: Scene of the project, such as res://level.tscn; the main scene if not given.
         num_worlds: Worlds in each engine.
         num_engines: Game processes side by side.
-        layout: "scene" is what the scene asks for; "isolated" gives each world its own physics
-            space, "grid" puts all into one.
-        ticks_per_step: Physics ticks per decision; none is what the agents say.
-        max_episode_steps: Steps after which episodes are truncated; none is what the agents say.
-        godot: Engine to use; none is the one that ludus finds.
-        is_pinned: Give each engine a core of its own that no other pool of this user has, where
-            enough are free and no quota (of a container) limits this process. Otherwise, and
-            without it, the system chooses.
-        token_file: File with the token that a game on another machine was started with
-            (``--ludus-token-file``): at least 16 characters; none for games on this machine.
+        layout: "scene" uses the layout that the scene asks for, "isolated" gives each world its own
+            physics space, "grid" puts all worlds into one.
+        ticks_per_step: Physics ticks per decision; what the agents say if not given.
+        max_episode_steps: Steps after which episodes are truncated; what the agents say if not
+            given.
+        godot: Engine to use; if not given, ludus looks for one.
+        is_pinned: Give each engine its own core, which no other pool of this user has, if enough
+            are free and no quota (of a container) limits this process. Otherwise the system
+            chooses.
+        token_file: File with the token, at least 16 characters, that a game on another machine was
+            started with (--ludus-token-file); not needed for games on this machine.
     """
 
     scene: str | Path | None = None

@@ -25,7 +25,11 @@ from ludus.settings.checks import (
 from ludus.settings.policy_config import Mode, PolicyConfig, PPOConfig, SACConfig
 from ludus.settings.pool_config import DEFAULT_RESTARTS, GameConfig
 
-__all__ = ["LeagueConfig", "PPOConfig", "Phase", "PolicyConfig", "SACConfig", "TrainConfig"]
+__all__ = ["CHANGEABLE", "LeagueConfig", "PPOConfig", "Phase", "PolicyConfig", "SACConfig", "Sink",
+           "TrainConfig"]  # fmt: skip
+
+Sink = Literal["wandb", "mlflow", "trackio"]
+"""What metrics can be sent to, beside ``metrics.jsonl`` and TensorBoard."""
 
 
 SEED = Check("from 0 to 2^63 - 1", lambda seed: 0 <= seed < 2**63)
@@ -43,12 +47,12 @@ class LeagueConfig(Settings):
     past. A side is a policy; where there is only one policy, each agent of a world is a side.
 
     Attributes:
-        share: Share of the worlds that are played so; 0 is no self-play.
+        share: Share of the worlds that are played like this; 0 turns self-play off.
         pool_size: Past selves of each policy to keep.
         snapshot_every_updates: Updates between two past selves.
-        sampling: "uniform" draws every past self as often, "recent" newer ones more often,
-            "rating" those more often whose rating is nearest to that of the side that learns.
-        max_opponents: Past selves of each policy that play at the same time.
+        sampling: "uniform" draws all past selves equally often, "recent" prefers newer ones,
+            "rating" those whose rating is closest to that of the side that learns.
+        max_opponents: Past selves of each policy that play at a time.
         elo_factor: How far one game moves a rating (K).
     """
 
@@ -84,33 +88,37 @@ class TrainConfig(GameConfig):
         seed: Seed of worlds, networks and sampling; random if not given; saved in
             config.json.
         total_steps: Agent steps after which training ends.
-        max_time_s: Seconds of training after which it ends; none is no limit.
-        target_return: Training ends when every policy's mean return reaches it; none never.
-        return_window: Episodes that the mean return is taken over.
-        checkpoint_every_s: Seconds between checkpoints; none leaves it to checkpoint_every_updates.
-        checkpoint_every_updates: Updates between checkpoints; none leaves it to checkpoint_every_s.
-        keep_checkpoints: Newest checkpoints to keep; the best one is kept besides.
-        keep_every_updates: Updates between checkpoints that are kept for ever, besides; none keeps
-            no such ones.
+        max_time_s: Seconds of training after which it ends; no limit if not given.
+        target_return: Training ends when the mean return of every policy reaches this.
+        return_window: Number of episodes that the mean return covers.
+        checkpoint_every_s: Seconds between checkpoints; with none, only checkpoint_every_updates
+            counts.
+        checkpoint_every_updates: Updates between checkpoints; if not given, only checkpoint_every_s
+            counts.
+        keep_checkpoints: How many of the newest checkpoints to keep; the best one is kept as well.
+        keep_every_updates: Updates between checkpoints that are kept for good; if not given, no
+            others are kept.
         exact_resume: Reset all worlds after each checkpoint, so that a resumed run repeats an
-            uninterrupted one to the bit where the engine is deterministic. Cuts episodes short,
-            and needs checkpoint_every_updates, as clocks are not deterministic.
-        evaluation_episodes: Episodes of the evaluation at the end; 0 leaves it out.
-        runs: Folder that run folders are made in.
-        name: Name of the run folder; empty makes one from target, date and time.
-        device: PyTorch device of networks and updates, such as cpu or cuda; auto is cuda where
-            there is one.
+            uninterrupted one bit for bit if the engine is deterministic. Cuts episodes short, and
+            needs checkpoint_every_updates, because clocks are not deterministic.
+        evaluation_episodes: Episodes of the evaluation at the end; 0 skips it.
+        track: Also send metrics to Weights & Biases (wandb), MLflow (mlflow) or Trackio (trackio).
+        runs: Folder in which run folders are made.
+        name: Name of the run folder; if empty, it is made from target, date and time.
+        device: PyTorch device of networks and updates, such as cpu or cuda; auto is cuda if it is
+            available.
         precision: "bfloat16" computes updates in mixed precision, "float32" does not; auto mixes
             on cuda only.
         compile: Compile the networks' updates with torch.compile; takes a minute at the start.
         torch_threads: Threads PyTorch may use; engines need the other cores.
-        algorithm: Algorithm of every policy; none is what the scene says, or else ppo.
+        algorithm: Algorithm of every policy; if not given, the one that the scene names, or else
+            ppo.
         ppo: Settings of every policy trained with PPO.
         sac: Settings of every policy trained with SAC.
         policies: Settings of single policies by name, over those of their algorithm.
-        alternate_every: Policies learn in turn, for so many updates each, while the others act
-            frozen; none lets all learn at once.
-        schedule: Phases of modes, one after the other and over again; a table of a settings file.
+        alternate_every: Let policies learn in turn, for this many updates each, while the others
+            act frozen; if not given, all learn at once.
+        schedule: Phases of modes, repeated in order; a table of a settings file.
         league: Self-play against past selves.
     """
 
@@ -130,6 +138,7 @@ class TrainConfig(GameConfig):
     keep_every_updates: int | None = setting(None, optional(AT_LEAST_1))
     exact_resume: bool = False
     evaluation_episodes: int = setting(20, AT_LEAST_0)
+    track: tuple[Sink, ...] = ()
     runs: Path = Path("runs")
     name: str = setting("", FOLDER_NAME)
     device: str = "auto"
@@ -148,9 +157,6 @@ class TrainConfig(GameConfig):
         super().__post_init__()
         require(self.alternate_every is None or not self.schedule, "alternate_every",
                 "none beside a schedule", self.alternate_every)  # fmt: skip
-        self._check_exact_resume()
-
-    def _check_exact_resume(self) -> None:
         if self.exact_resume and (
             self.checkpoint_every_s is not None or self.checkpoint_every_updates is None
         ):
@@ -158,3 +164,10 @@ class TrainConfig(GameConfig):
                 "exact_resume needs checkpoints at fixed updates, not at times of the clock",
                 "set checkpoint_every_s to none and checkpoint_every_updates to a number",
             )
+
+
+CHANGEABLE = frozenset({
+    "total_steps", "max_time_s", "target_return", "checkpoint_every_s", "checkpoint_every_updates",
+    "keep_every_updates", "evaluation_episodes",
+})  # fmt: skip
+"""Settings of the run itself that may change while it goes on."""

@@ -48,7 +48,7 @@ def read_action(space: spaces.Space[Any]) -> tuple[ActionComponent, ...]:
         size = math.prod(space.shape)
         return (ContinuousAction("action", size, *_bounds(cast(Any, space))),)
     raise TargetError(
-        f"cannot train the action space {space}",
+        f"cannot train with the action space {space}",
         "wrap the environment so that it is Discrete, MultiDiscrete or a bounded Box",
     )
 
@@ -60,7 +60,7 @@ def _choices(sizes: NDArray[np.int64]) -> tuple[DiscreteAction, ...]:
 def _read_entry(name: str, space: spaces.Space[Any]) -> ObservationEntry:
     if not isinstance(space, spaces.Box):
         raise TargetError(
-            f"cannot train on the observation {name}: {space}",
+            f"cannot train with the observation {name}: {space}",
             "make it a Box or a Dict of boxes, for example with "
             "gymnasium.wrappers.FlattenObservation",
         )

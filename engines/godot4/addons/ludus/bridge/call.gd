@@ -4,6 +4,7 @@ extends RefCounted
 const LudusCeiling := preload("res://addons/ludus/bridge/ceiling.gd")
 const LudusPicture := preload("res://addons/ludus/cameras/picture.gd")
 const LudusGame := preload("res://addons/ludus/world/game.gd")
+const LudusMetrics := preload("res://addons/ludus/bridge/metrics.gd")
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
 const LudusTrainingStatus := preload("res://addons/ludus/training/training_status.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
@@ -45,12 +46,14 @@ func is_for_bridge() -> bool:
 
 
 ## Calls a method of the add-on and returns the frame with its result.
-func answer_for_bridge(requests: LudusRequests, status: LudusTrainingStatus) -> PackedByteArray:
+func answer_for_bridge(
+	requests: LudusRequests, metrics: LudusMetrics, status: LudusTrainingStatus
+) -> PackedByteArray:
 	var result := {"id": int(_message.get("id", 0))}
 	var arguments := _arguments()
 	var method := str(_message.get("method", ""))
 	if method == TAKE_REQUESTS_METHOD:
-		result["value"] = requests.take()
+		result["value"] = requests.take() + metrics.take()
 	elif method != SHOW_STATUS_METHOD:
 		result["error"] = "the add-on has no method %s" % method
 	elif arguments.size() != 1 or arguments[0] is not Dictionary:

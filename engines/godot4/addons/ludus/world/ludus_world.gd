@@ -108,6 +108,14 @@ static func find_in(scene_root: Node) -> LudusWorld:
 	return null
 
 
+## Adds a value to a metric of the training run: its mean, lowest and highest value and count since
+## the last update go to all places where metrics go, such as [code]metrics.jsonl[/code] and
+## TensorBoard. Does nothing where nobody trains the game. At most 64 names; NaN and infinity are
+## errors.
+func report_metric(metric: String, value: float) -> void:
+	LudusBridge.report_metric(metric, value, root)
+
+
 ## Makes this the world of everything under [param scene_root].
 func attach(scene_root: Node) -> void:
 	root = scene_root
