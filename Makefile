@@ -22,6 +22,9 @@ PIP_INDEX = $(shell $(PYTHON) -m pip config get global.index-url 2>/dev/null || 
 UV_ENVIRONMENT = $(if $(strip $(PIP_INDEX)),UV_DEFAULT_INDEX=$(strip $(PIP_INDEX)))
 
 BEVY_PROJECT := engines/bevy
+# Not --all-features: the former feature `rest` of bevy_ludus is an error that names the crate for it.
+BEVY_FEATURES := bevy_ludus/camera bevy_ludus_rest/camera cartpole/view shooter/pixels
+WEB := wasm32-unknown-unknown
 CARGO_HINT := install Rust 1.95 or newer from https://rustup.rs
 # What Cargo builds is kept from one checkout to the next.
 export CARGO_TARGET_DIR ?= $(if $(XDG_CACHE_HOME),$(XDG_CACHE_HOME),$(HOME)/.cache)/ludus/cargo
@@ -67,10 +70,15 @@ lint-scripts: .venv/.ready .venv/gdtoolkit3/.ready
 	cd $(GODOT3_PROJECT) && ../../$(BIN3)/gdlint $(GDSCRIPT3)
 	cd $(GODOT3_PROJECT) && ../../$(BIN3)/gdformat --check -l 100 $(GDSCRIPT3)
 
+# Checks Bevy once, without making code: Clippy and the documentation share it. Then its core once more, for the web, where a
+# game has no trainer.
 lint-rust: cargo
 	cd $(BEVY_PROJECT) && cargo fmt --check
-	cd $(BEVY_PROJECT) && cargo clippy --locked --workspace --all-features --all-targets -- -D warnings
-	cd $(BEVY_PROJECT) && RUSTDOCFLAGS='-D warnings' cargo doc --locked --workspace --all-features --no-deps
+	cd $(BEVY_PROJECT) && cargo clippy --locked --workspace --features '$(BEVY_FEATURES)' --all-targets -- -D warnings
+	cd $(BEVY_PROJECT) && RUSTDOCFLAGS='-D warnings' cargo doc --locked --workspace --features '$(BEVY_FEATURES)' --no-deps
+	@if test -d "$$(rustc --print target-libdir --target $(WEB))"; then set -x; cd $(BEVY_PROJECT) && \
+		cargo clippy --locked --target $(WEB) --package bevy_ludus --no-default-features -- -D warnings; \
+	else echo "left out: bevy_ludus on the web needs \`rustup target add $(WEB)\`"; test -z "$$CI"; fi
 
 # What opening a window takes includes what runs without one, so this comes in place of `setup`.
 renderers: .venv/.ready
@@ -102,15 +110,18 @@ test-bevy: cargo renderers
 cargo:
 	@command -v cargo > /dev/null || { echo "the Bevy crates need Cargo: $(CARGO_HINT)"; exit 1; }
 
+# Builds Bevy with its renderer, which the examples with pictures use again.
 # Tests in comments would look for the job server of make, in vain, and warn of that.
 bevy-test: cargo
-	cd $(BEVY_PROJECT) && MAKEFLAGS= cargo test --release --config checked.toml --locked --workspace --all-features
+	cd $(BEVY_PROJECT) && MAKEFLAGS= cargo test --release --config checked.toml --locked --workspace --features '$(BEVY_FEATURES)'
+	cd $(BEVY_PROJECT) && MAKEFLAGS= cargo test --release --config checked.toml --locked --package bevy_ludus --no-default-features --test policies
 
-# Those with pictures take minutes, which no test should have to wait for.
+# Built here, as no test should have to wait for it: the examples with pictures, on the Bevy of bevy-test; the others, on
+# a Bevy without its renderer, which the game of docs/bevy.md uses again.
 bevy-examples: cargo
 	cd $(BEVY_PROJECT) && for example in beacon "cartpole --features view" "shooter --features view" "shooter --features pixels" \
 		rest_tiles cartpole shooter rest_cartpole; \
-		do cargo build --release --locked --package $$example || exit 1; done
+		do cargo build --release --locked --package $$example --example $${example%% *} || exit 1; done
 
 .venv/.docs-ready: pyproject.toml .venv/.ready
 	$(UV_ENVIRONMENT) $(BIN)/uv pip install --quiet --python $(BIN)/python --editable '.[docs]'

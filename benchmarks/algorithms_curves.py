@@ -53,7 +53,7 @@ def our_curve(task: Task, seed: int, options: Curves) -> tuple[Curve, float]:
     with tempfile.TemporaryDirectory() as folder:
         result = our_run(task, seed, options.threads, Path(folder))
         curve: Curve = {}
-        for path in sorted((result.run / "checkpoints").glob("step-*")):
+        for path in sorted((result.path / "checkpoints").glob("step-*")):
             steps = read_checkpoint(path).agent_steps
             act = load_player([path], pool, seed=99)
             curve[steps] = evaluate(act, pool, options.episodes, seed=99)["agent"].mean_return

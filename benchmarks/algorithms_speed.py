@@ -66,7 +66,7 @@ def our_rates(task: Task, threads: int) -> Rates:
     """Train once and return how fast it went; start and checkpoints do not count."""
     with tempfile.TemporaryDirectory() as folder:
         result = our_run(task, 0, threads, Path(folder))
-        lines = read_metrics(result.run / "metrics.jsonl")
+        lines = read_metrics(result.path / "metrics.jsonl")
     learning_s, wall_s = 0.0, 0.0
     for line in lines:
         learning_s += line["update_share"] * (line["wall_s"] - wall_s)

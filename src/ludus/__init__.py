@@ -20,6 +20,10 @@ from ludus.libraries.registration import register_examples
 from ludus.version import __version__
 
 if TYPE_CHECKING:
+    from ludus.api.acting import LoadedPolicy, load_policy
+    from ludus.api.evaluating import evaluate
+    from ludus.api.running import Run, train
+    from ludus.api.sweeping import sweep
     from ludus.errors import LudusError
     from ludus.libraries import LudusEnv, LudusVectorEnv, make, make_vec
     from ludus.pool import PoolConfig, open_pool
@@ -30,40 +34,57 @@ if TYPE_CHECKING:
         SACConfig,
         TrainConfig,
     )
-    from ludus.training.loop import train
+    from ludus.training.hooks import Episode, Training
 
 __all__ = [
+    "Episode",
     "LeagueConfig",
+    "LoadedPolicy",
     "LudusEnv",
     "LudusError",
     "LudusVectorEnv",
     "PPOConfig",
     "Phase",
     "PoolConfig",
+    "Run",
     "SACConfig",
     "TrainConfig",
+    "Training",
     "__version__",
+    "evaluate",
+    "load_policy",
     "make",
     "make_vec",
     "open_pool",
+    "sweep",
     "train",
 ]
 
 _HOMES = {
+    "Episode": "ludus.training.hooks",
     "LeagueConfig": "ludus.settings.train_config",
+    "LoadedPolicy": "ludus.api.acting",
     "LudusEnv": "ludus.libraries",
     "LudusError": "ludus.errors",
     "LudusVectorEnv": "ludus.libraries",
     "PPOConfig": "ludus.settings.train_config",
     "Phase": "ludus.settings.train_config",
     "PoolConfig": "ludus.pool",
+    "Run": "ludus.api.running",
     "SACConfig": "ludus.settings.train_config",
     "TrainConfig": "ludus.settings.train_config",
+    "Training": "ludus.training.hooks",
+    "evaluate": "ludus.api.evaluating",
+    "load_policy": "ludus.api.acting",
     "make": "ludus.libraries",
     "make_vec": "ludus.libraries",
     "open_pool": "ludus.pool",
-    "train": "ludus.training.loop",
+    "sweep": "ludus.api.sweeping",
+    "train": "ludus.api.running",
 }
+
+_LIBRARIES = {"pettingzoo", "rllib", "sb3", "wrappers"}
+"""Modules for other libraries, which need not be imported by themselves."""
 
 _moved.install()
 register_examples()
@@ -71,9 +92,18 @@ register_examples()
 
 def __getattr__(name: str) -> Any:
     """Import public names when they are first used, so that ``import ludus`` stays quick."""
+    if name in _LIBRARIES:
+        return import_module(f"ludus.{name}")
     if name not in _HOMES:
         raise AttributeError(f"module 'ludus' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+    try:
+        return getattr(import_module(_HOMES[name]), name)
+    except ModuleNotFoundError as error:
+        from ludus.extras import EXTRAS, missing_extra
+
+        if error.name not in EXTRAS:
+            raise
+        raise missing_extra(error.name) from error
 
 
 def __dir__() -> list[str]:

@@ -7,9 +7,11 @@
     │   ├── TargetError       the target does not exist or cannot be run
     │   ├── ConfigError       a setting is unknown, of the wrong type or out of range
     │   ├── SequenceError     a method was called before the one it depends on
+    │   ├── ArgumentError     an argument is unknown, or of the wrong type; a TypeError, too
     │   ├── ActionError       an action has the wrong shape, type or value
     │   └── PolicyFileError   a policy file is missing, malformed or contradicts itself
     ├── SetupError            the machine lacks something (exit code 3)
+    │   ├── MissingExtra      a package is not installed; an ImportError, too
     │   └── EngineNotFound    no usable game engine on this machine
     ├── EngineError           the engine broke a rule (exit code 4)
     │   ├── EngineStartError  the process did not start or never connected
@@ -30,6 +32,7 @@ from collections.abc import Collection
 
 __all__ = [
     "ActionError",
+    "ArgumentError",
     "CheckpointError",
     "ConfigError",
     "DivergenceError",
@@ -40,6 +43,7 @@ __all__ = [
     "EngineTimeout",
     "GameError",
     "LudusError",
+    "MissingExtra",
     "ParityError",
     "PolicyFileError",
     "ProtocolError",
@@ -96,6 +100,13 @@ class SequenceError(UsageError):
     """A method was called before the one it depends on."""
 
 
+class ArgumentError(UsageError, TypeError):
+    """An argument of a function is unknown, or of the wrong type.
+
+    Libraries that try arguments one after the other look for Python's ``TypeError``.
+    """
+
+
 class ActionError(UsageError):
     """An action has the wrong shape, type or value."""
 
@@ -108,6 +119,10 @@ class SetupError(LudusError):
     """The machine lacks something that Ludus needs."""
 
     exit_code = 3
+
+
+class MissingExtra(SetupError, ImportError):  # noqa: N818 - reads as what happened
+    """A package that one feature needs is not installed; the hint installs it."""
 
 
 class EngineNotFound(SetupError):  # noqa: N818 - reads as what happened

@@ -63,7 +63,16 @@ def test_without_cargo_it_is_said_how_to_get_it(monkeypatch: pytest.MonkeyPatch)
 BROKEN = {
     "Cargo.toml": '[workspace]\nresolver = "3"\nmembers = ["examples/*"]\n',
     "Cargo.lock": 'version = 4\n\n[[package]]\nname = "broken"\nversion = "0.1.0"\n',
-    "examples/broken/Cargo.toml": '[package]\nname = "broken"\nversion = "0.1.0"\n',
+    "examples/broken/Cargo.toml": """\
+[package]
+name = "broken"
+version = "0.1.0"
+autobins = false
+
+[[example]]
+name = "broken"
+path = "src/main.rs"
+""",
     "examples/broken/src/main.rs": "fn main() { nothing }\n",
 }
 

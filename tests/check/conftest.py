@@ -37,6 +37,6 @@ def checked(games: Path) -> Checked:
             timing_s=0.05,
         )
         with CheckContext(config) as context:
-            return check(context)
+            return list(check(context))
 
     return run

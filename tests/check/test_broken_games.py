@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import pytest
 
@@ -18,7 +18,7 @@ from ludus.check.timing import check_timing
 pytestmark = pytest.mark.engine
 
 Checked = Callable[..., list[Finding]]
-Check = Callable[[CheckContext], list[Finding]]
+Check = Callable[[CheckContext], Iterable[Finding]]
 
 CASES: list[tuple[str, Check, Status, str]] = [
     ("global_random", check_seeds, Status.FAIL, "the same seed twice"),

@@ -15,4 +15,4 @@ def short_run(runs: Path, name: str = "run") -> Path:
         runs=runs, name=name, evaluation_episodes=0,
         ppo=PPOConfig(rollout_steps=8, hidden_sizes=(8,)),
     )  # fmt: skip
-    return train(config).run
+    return train(config).path

@@ -61,9 +61,9 @@ def test_random_play_in_a_run_and_in_a_game(
     assert "± std" in table
 
 
-def test_a_game_without_random_play_is_no_run(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["evaluate", GAME]) == 5
-    assert "is not a run" in capsys.readouterr().err
+def test_a_game_needs_something_that_plays_it(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["evaluate", GAME]) == 2
+    assert "nothing was named that plays it" in capsys.readouterr().err
 
 
 def test_a_checkpoint_is_found_from_inside_it(

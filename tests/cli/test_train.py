@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 
 from ludus.cli import train as train_command
-from ludus.cli.figures import sparkline
 from ludus.cli.main import main
 from ludus.errors import ConfigError
 from ludus.settings.merging import merge, resolve
 from ludus.settings.train_config import PPOConfig, SACConfig, TrainConfig
 from ludus.spec import AgentSpec, DiscreteAction, ObservationEntry, PolicySpec
+from ludus.training.figures import sparkline
 
 TARGET = "gym:CartPole-v1"
 SMALL = [

@@ -185,16 +185,25 @@ def make_project(folder: Path) -> Path:
     return Path(os.path.realpath(folder))
 
 
-@pytest.fixture(scope="session")
-def faults(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The project."""
-    return make_project(tmp_path_factory.mktemp("faults"))
+@pytest.fixture(scope="module", params=["godot4", "godot3"])
+def engine(request: pytest.FixtureRequest) -> str:
+    """Which Godot it is."""
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def project(engine: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The project, for that Godot."""
+    make = make_project
+    if engine == "godot3":
+        from tests.godot3.conftest import make_project as make
+    return make(tmp_path_factory.mktemp("faults"))
 
 
 @pytest.fixture
-def game(faults: Path) -> Iterator[Game]:
+def game(project: Path) -> Iterator[Game]:
     """Opens scenes of the project; no engine may be left behind."""
-    made = Game(faults)
+    made = Game(project)
     yield made
     made.close()
     assert made.engines() == []

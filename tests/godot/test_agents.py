@@ -12,6 +12,7 @@ import ludus
 from ludus.addon import install_addon
 from ludus.pool import PoolConfig, open_pool
 from ludus.spec import ContinuousAction, DiscreteAction
+from tests.godot3.conftest import make_project as make_godot3_project
 
 pytestmark = pytest.mark.engine
 
@@ -62,8 +63,10 @@ def sample(envs: ludus.LudusVectorEnv) -> Any:
 
 
 @pytest.fixture(scope="module")
-def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def project(engine: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("agents")
+    if engine == "godot3":
+        return make_godot3_project(folder)
     (folder / "project.godot").write_text('config_version=5\n[application]\nconfig/name="Agents"\n')
     (folder / "counter.gd").write_text(COUNTER)
     for name, timing in (("every", EVERY_TICK), ("once", ONCE)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
@@ -18,12 +19,16 @@ PARAMETERS = [{}, {"leave_at": 2, "join_at": 3}]
 EARLY, LEAVER, SPARE = 0, 1, 2
 
 
-@pytest.fixture(scope="module")
-def frames() -> Iterator[list[Batches]]:
+@pytest.fixture(
+    scope="module",
+    params=itertools.product(("godot4:identity", "godot3:cartpole"), ("isolated", "grid")),
+    ids="-".join,
+)
+def frames(request: pytest.FixtureRequest) -> Iterator[list[Batches]]:
     """Copies of all frames."""
-    project = find_scene("identity").project
-    scene = project.root / "examples/identity/oracle_world.tscn"
-    with open_pool(scene, PoolConfig(num_worlds=2)) as pool:
+    example, layout = request.param
+    scene = find_scene(example).project.root / "examples/identity/oracle_world.tscn"
+    with open_pool(scene, PoolConfig(num_worlds=2, layout=layout)) as pool:
         taken = [pool.reset(1, PARAMETERS)]
         taken += [pool.step(idle(pool)) for _ in range(NUM_FRAMES - 1)]
         yield taken

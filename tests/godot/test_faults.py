@@ -8,9 +8,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -25,35 +22,11 @@ from ludus.errors import (
 )
 from ludus.session import EngineSession
 from ludus.wire.reset import ResetRequest
-from tests.godot import conftest as godot4
 from tests.godot.conftest import Game, is_gone, reset, step
-from tests.godot3 import conftest as godot3
 
 pytestmark = pytest.mark.engine
 
 NULL = {"godot4": "Nil", "godot3": "null"}
-
-
-@pytest.fixture(scope="module", params=["godot4", "godot3"])
-def engine(request: pytest.FixtureRequest) -> str:
-    """Which Godot it is."""
-    return request.param
-
-
-@pytest.fixture(scope="module")
-def project(engine: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A project whose scenes go wrong."""
-    make: Any = {"godot4": godot4.make_project, "godot3": godot3.make_project}[engine]
-    return make(tmp_path_factory.mktemp("faults"))
-
-
-@pytest.fixture
-def game(project: Path) -> Iterator[Game]:
-    """Opens scenes of the project; no engine may be left behind."""
-    made = Game(project)
-    yield made
-    made.close()
-    assert made.engines() == []
 
 
 def pid_of(session: EngineSession) -> int:

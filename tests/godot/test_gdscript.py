@@ -10,18 +10,24 @@ from pathlib import Path
 
 import pytest
 
-from ludus.engine import InstalledEngine, ensure_imported, read_project
+from ludus.engine import EngineKind, ensure_imported, find_engine, read_project
 from ludus.engine.bundled import runnable_bundled_root
 from tests.wire.golden import FOLDER
 
 pytestmark = pytest.mark.engine
 
 
-def run(engine: InstalledEngine, golden: Path, *options: str) -> tuple[int, str]:
-    project = read_project(runnable_bundled_root())
+@pytest.fixture(params=[EngineKind.GODOT4, EngineKind.GODOT3], ids=str)
+def kind(request: pytest.FixtureRequest) -> EngineKind:
+    return request.param
+
+
+def run(kind: EngineKind, golden: Path, *options: str) -> tuple[int, str]:
+    project, engine = read_project(runnable_bundled_root(kind)), find_engine(kind)
     ensure_imported(engine, project)
-    program = str(engine.executable(headless=True))
-    command = [program, "--headless", "--path", str(project.root), "-s", "tests/run_tests.gd"]
+    command = [str(engine.executable(headless=True)), "--path", str(project.root)]
+    command += ["--headless"] if kind is EngineKind.GODOT4 else []
+    command += ["-s", "tests/run_tests.gd"]
     done = subprocess.run(
         [*command, "--", f"--golden={golden}", *options],
         stdout=subprocess.PIPE,
@@ -32,25 +38,25 @@ def run(engine: InstalledEngine, golden: Path, *options: str) -> tuple[int, str]
     return done.returncode, done.stdout.decode(errors="replace")
 
 
-def test_all_pass(godot4: InstalledEngine) -> None:
-    code, output = run(godot4, FOLDER)
+def test_all_pass(kind: EngineKind) -> None:
+    code, output = run(kind, FOLDER)
     summary = re.search(r"^(\d+) passed, (\d+) failed$", output, re.M)
     assert summary is not None, output
     assert code == 0, output
     assert summary[2] == "0", output
     assert "SCRIPT ERROR" not in output, output
-    files = list((runnable_bundled_root() / "tests").glob("test_*.gd"))
+    files = list((runnable_bundled_root(kind) / "tests").glob("test_*.gd"))
     num_tests = sum(file.read_text().count("\nfunc test_") for file in files)
     assert int(summary[1]) == num_tests > 0, output
 
 
-def test_a_wrong_golden_frame_is_noticed(godot4: InstalledEngine, tmp_path: Path) -> None:
+def test_a_wrong_golden_frame_is_noticed(kind: EngineKind, tmp_path: Path) -> None:
     folder = tmp_path / "golden"
     shutil.copytree(FOLDER, folder)
     described = json.loads((folder / "batch_dictionary.json").read_text())
     described["content"]["policies"]["scout"]["reward"][1] = 3.0
     (folder / "batch_dictionary.json").write_text(json.dumps(described))
-    code, output = run(godot4, folder, "--only=test_golden.gd")
+    code, output = run(kind, folder, "--only=test_golden.gd")
     assert code == 1, output
     assert "FAILED test_golden.gd test_batch_is_written: batch_dictionary: expected" in output
     assert re.search(r"^[1-9]\d* passed, 1 failed$", output, re.M), output

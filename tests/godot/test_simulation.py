@@ -13,7 +13,6 @@ import pytest
 from ludus.check import CheckConfig, Status, run_checks
 from ludus.check.difference import first_difference
 from ludus.check.recording import Recording, record
-from ludus.engine import EngineKind, read_project
 from ludus.errors import EngineError, LudusError
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.session import EngineSession, open_session
@@ -22,22 +21,20 @@ from ludus.spec.batch import ActionBatch, Batches
 from ludus.training.loop import train
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetAction, ResetRequest
-from tests.godot import simulation_games
-from tests.godot3 import simulation_games as simulation_games_3
+from tests.godot.simulation_games import write_project
 from tests.targets import find_game
 
 pytestmark = pytest.mark.engine
 TICKS, SUM, DRAW, EPISODES, CREATED = 1, 2, 3, 4, 5
 RUNNER_0_ENDS, RUNNER_1_ENDS, ROUND_ENDS = 2, 3, 5
-GAMES = {"godot4": simulation_games, "godot3": simulation_games_3}
 # Pixels per second², in the default settings of a project.
-GRAVITY_2D = {EngineKind.GODOT4: 980.0, EngineKind.GODOT3: 98.0}
+GRAVITY_2D = 980.0
 
 
-@pytest.fixture(scope="module", params=list(GAMES))
-def project(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("simulations")
-    GAMES[request.param].write_project(folder)
+    write_project(folder)
     return folder
 
 
@@ -206,8 +203,7 @@ def test_physics_of_own_spaces(project: Path) -> None:
         pool.reset(1)
         batch = pool.step({"ball": ActionBatch.zeros(pool.policies["ball"], 1)})["ball"]
         x, y, x_speed, y_speed, height, awaited, found = batch.observation["observation"][0]
-        gravity = GRAVITY_2D[read_project(project).engine_kind]
-        speeds = np.cumsum([gravity / 60 * (1 - 0.1 / 60)] * 2)
+        speeds = np.cumsum([GRAVITY_2D / 60 * (1 - 0.1 / 60)] * 2)
         assert x_speed == 0 and y_speed == pytest.approx(speeds[1], rel=2e-3)
         assert y == pytest.approx(speeds.sum() / 60, rel=2e-3) and abs(x) < 50
         assert height == pytest.approx(-9.8 / 60**2 * 3, rel=5e-3)
@@ -311,5 +307,5 @@ def test_ppo_learns_it(project: Path, tmp_path: Path) -> None:
         ),
     )
     result = train(config)
-    returns = json.loads((result.run / "evaluation.json").read_bytes())["chooser"]["returns"]
+    returns = json.loads((result.path / "evaluation.json").read_bytes())["chooser"]["returns"]
     assert len(returns) == 20 and np.mean(returns) > 9.5

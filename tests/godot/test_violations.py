@@ -12,9 +12,9 @@ import pytest
 from ludus.engine import (
     EngineProcess,
     GodotFlags,
-    InstalledEngine,
     LaunchConfig,
     ensure_imported,
+    find_engine,
     godot_command,
     read_project,
 )
@@ -35,8 +35,9 @@ STEP = frame("STEP", bytes(16))
 class Trainer:
     """A trainer without manners."""
 
-    def __init__(self, game: Game, engine: InstalledEngine) -> None:
+    def __init__(self, game: Game) -> None:
         project = read_project(game.folder)
+        engine = find_engine(project.engine_kind)
         ensure_imported(engine, project)
         listener = Listener()
         flags = GodotFlags(user_args=(f"--ludus-connect={','.join(listener.addresses)}",))
@@ -71,8 +72,8 @@ class Trainer:
 
 
 @pytest.fixture
-def trainer(game: Game, godot4: InstalledEngine) -> Iterator[Trainer]:
-    made = Trainer(game, godot4)
+def trainer(game: Game) -> Iterator[Trainer]:
+    made = Trainer(game)
     yield made
     made.close()
 

@@ -1,19 +1,13 @@
-"""What a LudusAgent of Godot 3 can be told: spaces, ticks, masks, policies; and worlds apart."""
+"""What a LudusAgent of Godot 3 can be told beside what both engines share; and worlds apart."""
 
 from __future__ import annotations
-
-from pathlib import Path
-from typing import Any, cast
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import ludus
 from ludus.errors import TargetError
-from ludus.pool import PoolConfig, open_pool
 from ludus.session import EngineSession
-from ludus.spec import ContinuousAction, DiscreteAction
 from ludus.spec.batch import ActionBatch
 from ludus.wire.reset import ResetRequest
 from tests.godot.conftest import Game, reset, step
@@ -21,48 +15,6 @@ from tests.godot.conftest import Game, reset, step
 pytestmark = pytest.mark.engine
 
 POOL_REAL_ARRAY = 22
-
-
-def sample(envs: ludus.LudusVectorEnv) -> Any:
-    return cast(Any, envs).action_space.sample()
-
-
-@pytest.mark.parametrize(("scene", "applied_per_step"), [("every", 3), ("once", 1)])
-def test_actions_and_ticks_of_a_step(project: Path, scene: str, applied_per_step: int) -> None:
-    envs = ludus.make_vec(project / f"{scene}.tscn", num_worlds=2)
-    assert envs.policy.agents_per_world == 1, "the agent that is not enabled takes part"
-    assert envs.policy.action == (DiscreteAction("move", 3), ContinuousAction("aim", 2))
-    observation, _ = envs.reset(seed=0)
-    assert np.array_equal(observation["counts"], [[0, 0, 1]] * 2)
-    for number in (1, 2, 3):
-        observation, _, terminated, truncated, _ = envs.step(sample(envs))
-        assert np.array_equal(
-            observation["counts"], [[applied_per_step * number, 3 * number, 1]] * 2
-        )
-        assert not terminated.any() and not truncated.any()
-    observation, _, terminated, truncated, infos = envs.step(sample(envs))
-    assert truncated.all() and not terminated.any()
-    assert np.array_equal(infos["final_obs"][1]["counts"], [applied_per_step * 4, 12, 1])
-    assert np.array_equal(observation["counts"], [[0, 0, 2]] * 2)
-    envs.close()
-
-
-def test_random_play_inside_the_engine_may_come_first(project: Path) -> None:
-    """What ``ludus bench`` calls the ceiling, with several ticks a step; the game goes on after."""
-    with open_pool(project / "every.tscn", PoolConfig(num_worlds=2)) as pool:
-        result = pool.call({"bridge": True}, "run_ceiling", [20, 0])
-        assert result[0]["num_steps"] == 20 and result[0]["elapsed_us"] > 0
-        counts = pool.reset(0)["agent"].observation["counts"]
-    assert np.array_equal(counts, [[0, 0, 1]] * 2)
-
-
-def test_the_trainer_may_choose_ticks_and_limit(project: Path) -> None:
-    envs = ludus.make_vec(project / "every.tscn", ticks_per_step=2, max_episode_steps=2)
-    envs.reset(seed=0)
-    observation, *_ = envs.step(sample(envs))
-    assert np.array_equal(observation["counts"], [[2, 2, 1]])
-    assert envs.step(sample(envs))[3].all()
-    envs.close()
 
 
 def test_every_agent_gets_its_own_action(game: Game) -> None:

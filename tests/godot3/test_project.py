@@ -9,7 +9,10 @@ import pytest
 from ludus.addon import addon_status, install_addon
 from ludus.engine import EngineKind, InstalledEngine
 from ludus.engine.bundled import example_names, find_example
-from ludus.errors import TargetError
+from ludus.engine.script_classes import ScriptClass, add_script_classes
+from ludus.errors import ConfigError, TargetError
+from ludus.legacy.addon import install_legacy_addon
+from ludus.version import __version__
 from tests.targets import find_scene
 
 
@@ -29,13 +32,53 @@ def test_the_add_on_is_installed_once(tmp_path: Path) -> None:
     assert (tmp_path / "project.godot").read_text() == text
 
 
+DROPPED = {
+    "game.gd": "extends LudusSimulation\n",
+    "menu.gd": "func _pressed():\n\tLudus.start_training()\n",
+    "host.tscn": '[ext_resource path="res://addons/ludus/ludus_simulation_host.gd" id=1]\n',
+}
+
+
+@pytest.mark.parametrize("is_legacy", [False, True])
+@pytest.mark.parametrize("name", DROPPED)
+def test_a_game_that_needs_what_was_dropped_is_left_as_it_is(
+    name: str, is_legacy: bool, tmp_path: Path
+) -> None:
+    (tmp_path / "project.godot").write_text("config_version=4\n")
+    install_addon(tmp_path)
+    (tmp_path / name).write_text(DROPPED[name])
+    (tmp_path / "addons/ludus/ludus_agent.gd").unlink()
+    before = {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
+    install = install_legacy_addon if is_legacy else install_addon
+    with pytest.raises(ConfigError, match=rf"(?s)no longer has.*{name}") as caught:
+        install(tmp_path)
+    assert f"keep the add-on of version {__version__}" in caught.value.hint
+    assert {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()} == before
+
+
+def test_classes_that_are_gone_are_no_longer_listed(tmp_path: Path) -> None:
+    (tmp_path / "project.godot").write_text("config_version=4\n")
+    install_addon(tmp_path)
+    text = (tmp_path / "project.godot").read_text()
+    gone = ScriptClass("LudusPace", "Node", "res://addons/ludus/ludus_pace.gd", "")
+    mine = ScriptClass("Mine", "Node", "res://mine.gd", "res://mine.svg")
+    listed = add_script_classes(text, [mine])
+    for also in ([gone, mine], [mine, gone]):
+        (tmp_path / "project.godot").write_text(add_script_classes(text, also))
+        install_addon(tmp_path)
+        assert (tmp_path / "project.godot").read_text() == listed
+
+
 def test_each_engine_has_its_own_add_on(tmp_path: Path) -> None:
-    for version, base in ((4, "extends Reference"), (5, "extends RefCounted")):
+    for version, wire, base in (
+        (4, "ludus_wire.gd", "extends Reference"),
+        (5, "bridge/wire.gd", "extends RefCounted"),
+    ):
         folder = tmp_path / str(version)
         folder.mkdir()
         (folder / "project.godot").write_text(f"config_version={version}\n")
         install_addon(folder)
-        assert base in (folder / "addons/ludus/ludus_wire.gd").read_text()
+        assert base in (folder / "addons/ludus" / wire).read_text()
 
 
 def test_examples_say_their_engine() -> None:

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from ludus.engine import EngineKind
+from ludus.engine.bundled import runnable_bundled_root
 from ludus.engine.config_file import parse_config
 from ludus.engine.script_classes import ScriptClass, add_script_classes, find_script_classes
 
@@ -65,3 +67,11 @@ def test_classes_are_added_once(before: str) -> None:
 def test_a_class_of_the_user_keeps_its_name() -> None:
     mine = ScriptClass("Mine", "Node2D", "res://other.gd", "")
     assert add_script_classes(LISTED, [mine]) == LISTED
+
+
+def test_the_project_file_lists_all_classes() -> None:
+    root = runnable_bundled_root(EngineKind.GODOT3)
+    text = (root / "project.godot").read_text()
+    scripts = find_script_classes(root / "addons/ludus", "res://addons/ludus")
+    assert add_script_classes(text, scripts) == text
+    assert text.count('"class":') == len(scripts)

@@ -154,14 +154,14 @@ def test_a_player_forgets_single_slots() -> None:
 def test_a_game_of_one_agent_is_refused(small: Any) -> None:
     from ludus.pool import open_pool
 
-    run = train(small()).run
+    run = train(small()).path
     _, _, league_players = load_players(run)
     with pytest.raises(ConfigError, match="agent is the only agent of a world"):
         play_tournament(league_players, open_pool("gym:Identity-discrete-v0"), GAMES)
 
 
 def test_without_a_league_older_checkpoints_are_the_past(small: Any) -> None:
-    run = train(small(checkpoint_every_updates=2, keep_checkpoints=4)).run
+    run = train(small(checkpoint_every_updates=2, keep_checkpoints=4)).path
     path, newest, league_players = load_players(run)
     assert path.name == f"step-{newest.agent_steps:012d}" == "step-000000000640"
     agents = league_players["agent"]
@@ -172,13 +172,13 @@ def test_without_a_league_older_checkpoints_are_the_past(small: Any) -> None:
 
 
 def test_a_damaged_checkpoint_is_left_out(small: Any) -> None:
-    run = train(small(checkpoint_every_updates=2, keep_checkpoints=4)).run
+    run = train(small(checkpoint_every_updates=2, keep_checkpoints=4)).path
     (run / "checkpoints" / "step-000000000384" / "tensors.safetensors").write_bytes(b"no")
     assert [agent.updates for agent in load_players(run)[2]["agent"]] == [4, 8, 10]
 
 
 def test_a_league_of_another_shape_is_corrupt(small: Any) -> None:
-    run = train(small()).run
+    run = train(small()).path
     state = run / "checkpoints" / "step-000000000640" / "state.json"
     values = json.loads(state.read_bytes())
     values["run"]["league"] = {"past": 3, "ratings": {}}
@@ -188,7 +188,7 @@ def test_a_league_of_another_shape_is_corrupt(small: Any) -> None:
 
 
 def test_subsampling_keeps_the_first_and_the_last(small: Any) -> None:
-    run = train(small(checkpoint_every_updates=1, keep_checkpoints=99)).run
+    run = train(small(checkpoint_every_updates=1, keep_checkpoints=99)).path
     agents = load_players(run)[2]["agent"]
     assert [agent.updates for agent in agents] == list(range(11))
     assert [agent.updates for agent in subsample(agents, 3)] == [0, 5, 10]

@@ -117,4 +117,4 @@ def test_ppo_trains_on_two_games(projects: dict[str, Path], kind: str, tmp_path:
     with walk_of(kind, projects).pool(num_engines=2, max_episode_steps=20) as pool:
         result = train(config, pool=pool)
     assert (result.stop_reason, result.agent_steps, result.updates) == ("total_steps", 256, 4)
-    assert len(read_metrics(result.run / "metrics.jsonl")) == 4
+    assert len(read_metrics(result.path / "metrics.jsonl")) == 4

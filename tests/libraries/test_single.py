@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import pickle
+import subprocess
+import sys
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -123,14 +127,47 @@ def _choices(env: ludus.LudusEnv) -> tuple[list[str], list[int]]:
 
 
 def test_worlds_with_several_agents_are_refused() -> None:
-    with pytest.raises(UsageError, match="has 16 agents, not one"):
-        ludus.make("ball_chase")
+    with pytest.raises(UsageError, match=r"(?s)has 16 agents, not one.*make_vec.*pettingzoo"):
+        gymnasium.make("ludus/BallChase-v0")
+
+
+@pytest.mark.parametrize("seed", [-1, 1.7, 2**63, True, "1", [1]])
+def test_seeds_out_of_range_are_refused(env: ludus.LudusEnv, seed: Any) -> None:
+    with pytest.raises(UsageError, match="seed must be an integer from 0 to"):
+        env.reset(seed=seed)
+    highest: Any = np.int64(2**63 - 1)
+    assert env.reset(seed=highest)[0].shape == (5,)
+
+
+def test_an_environment_is_made_once_more_from_its_pickle_and_its_spec(env: ludus.LudusEnv) -> None:
+    first, spec = env.reset(seed=5)[0], env.spec
+    assert spec is not None
+    for make in (lambda: pickle.loads(pickle.dumps(env)), lambda: gymnasium.make(spec)):
+        other = make()
+        try:
+            np.testing.assert_array_equal(other.reset(seed=5)[0], first)
+        finally:
+            other.close()
+
+
+def test_a_spec_needs_no_import_of_ludus(env: ludus.LudusEnv) -> None:
+    assert env.spec is not None
+    text = "import gymnasium, sys; from gymnasium.envs.registration import EnvSpec; "
+    text += "env = gymnasium.make(EnvSpec.from_json(sys.argv[1])); "
+    text += "print(*env.reset(seed=5)[0]); env.close()"
+    command = [sys.executable, "-c", text, env.spec.to_json()]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    np.testing.assert_allclose([float(word) for word in printed.split()], env.reset(seed=5)[0])
 
 
 def test_unknown_settings_are_refused(oracle: Path) -> None:
     with pytest.raises(UsageError, match="unknown setting"):
         ludus.make(oracle, num_players=2)
+    with pytest.raises(TypeError, match="unexpected keyword argument 'frameskip'"):
+        gymnasium.make("ludus/CartPole-v0", frameskip=4)
+    with pytest.raises(UsageError, match="one world, but num_worlds is 3"):
+        ludus.make(oracle, num_worlds=3)
     with pytest.raises(UsageError, match="render_mode"):
-        ludus.make(oracle, render_mode="rgb_array")
+        ludus.make(oracle, render_mode="ansi")
     with pytest.raises(UsageError, match="no policy 'hero'"):
         ludus.make(oracle, policy="hero")

@@ -76,6 +76,8 @@ def test_autoreset_is_in_the_same_step(envs: ludus.LudusVectorEnv) -> None:
 def test_one_seed_is_seed_plus_i_over_all_engines(envs: ludus.LudusVectorEnv) -> None:
     one, _ = envs.reset(seed=20)
     listed, _ = envs.reset(seed=[20, 21, 22, 23])
+    array, _ = envs.reset(seed=np.array([20, 21, 22, 23]))
+    np.testing.assert_array_equal(one, array)
     turned, _ = envs.reset(seed=[23, 22, 21, 20])
     np.testing.assert_array_equal(one, listed)
     np.testing.assert_array_equal(one[::-1], turned)
@@ -137,6 +139,10 @@ def test_returned_arrays_are_not_reused(envs: ludus.LudusVectorEnv) -> None:
 WRONG_RESETS: list[dict[str, Any]] = [
     {"options": {"gravity": 1}},
     {"seed": [1, 2]},
+    {"seed": -1},
+    {"seed": 1.7},
+    {"seed": 2**63},
+    {"seed": np.array([0.0, 1.0, 2.0, 3.0])},
     {"options": {"reset_mask": np.ones(2, np.bool_)}},
     {"options": {"reset_mask": np.ones(NUM, np.int64)}},
     {"options": {"parameters": [{}]}},
@@ -148,7 +154,19 @@ WRONG_RESETS: list[dict[str, Any]] = [
 @pytest.mark.parametrize(
     "arguments",
     WRONG_RESETS,
-    ids=["option", "seeds", "mask shape", "mask dtype", "too few", "NaN", "no JSON"],
+    ids=[
+        "option",
+        "too few seeds",
+        "-1",
+        "1.7",
+        "2**63",
+        "floats",
+        "mask shape",
+        "mask dtype",
+        "too few",
+        "NaN",
+        "no JSON",
+    ],
 )
 def test_wrong_resets_are_refused_and_nothing_breaks(
     envs: ludus.LudusVectorEnv, arguments: dict[str, Any]
@@ -169,13 +187,35 @@ def test_a_step_before_the_first_reset_is_refused(oracle: Path) -> None:
         envs.close()
 
 
-def test_several_policies_are_refused(tasks: Path) -> None:
+def test_one_of_several_policies_must_be_chosen(tasks: Path) -> None:
     with pytest.raises(UsageError, match="several policies"):
         ludus.make_vec(tasks / "oracle_world.tscn")
 
 
+def test_other_policies_act_at_random_or_as_given() -> None:
+    def stand(observed: Any) -> Any:
+        return np.zeros((len(observed), 2))
+
+    seen: list[Any] = []
+    for others in ({}, {}, {"runner": stand}):
+        envs: Any = ludus.make_vec("tag", num_worlds=3, policy="chaser", others=others)
+        try:
+            envs.reset(seed=4)
+            action = np.zeros_like(envs.action_space.sample())
+            seen.append([envs.step(action)[0] for _ in range(20)][-1])
+        finally:
+            envs.close()
+    np.testing.assert_equal(seen[0], seen[1])
+    with pytest.raises(AssertionError):
+        np.testing.assert_equal(seen[0], seen[2])
+    with pytest.raises(UsageError, match="the other policies are"):
+        ludus.make_vec("tag", policy="chaser", others={"hero": "x.ludus.json"})
+
+
 def test_gymnasium_makes_the_registered_examples() -> None:
-    envs: Any = gymnasium.make_vec("ludus/BallChase-v0", num_envs=2)
+    with pytest.raises(UsageError, match=r"(?s)num_envs is 4.*16 or 32 would do"):
+        gymnasium.make_vec("ludus/BallChase-v0", num_envs=4)
+    envs: Any = gymnasium.make_vec("ludus/BallChase-v0", num_envs=32)
     try:
         seeds = [5] * 16 + [6] * 16
         everywhere = np.ones(32, np.bool_)

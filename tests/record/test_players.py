@@ -72,7 +72,7 @@ def test_a_run_plays_what_it_was_trained_in(films: Path) -> None:
         name="run", evaluation_episodes=0, max_episode_steps=12,
         ppo=PPOConfig(rollout_steps=8, hidden_sizes=(8,)),
     )  # fmt: skip
-    run = train(config).run
+    run = train(config).path
     out = films / "film.webm"
     for arguments in ([str(run)], [TARGET, "--policy", str(run)]):
         assert main(["record", *arguments, "--episodes", "1", "--out", str(out)]) == 0

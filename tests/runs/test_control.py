@@ -119,11 +119,11 @@ def test_frozen_weights_stay_and_a_schedule_is_followed(small: Any) -> None:
                    ppo={"learning_rate_schedule": "constant"}, keep_checkpoints=99,
                    checkpoint_every_updates=1)  # fmt: skip
     result = train(config)
-    lines = read_metrics(result.run / "metrics.jsonl")
+    lines = read_metrics(result.path / "metrics.jsonl")
     learning = [line["policies"]["agent"]["is_learning"] for line in lines]
     assert learning == ([1, 1, 0, 0] * 4)[: len(learning)]
     assert len(learning) > 6
-    paths = sorted((result.run / "checkpoints").iterdir())
+    paths = sorted((result.path / "checkpoints").iterdir())
     weights = [read_checkpoint(path).learners["agent"].tensors["policy.actor.0.weight"]
                for path in paths]  # fmt: skip
     moved = [not torch.equal(one, two) for one, two in itertools.pairwise(weights)]
@@ -133,10 +133,10 @@ def test_frozen_weights_stay_and_a_schedule_is_followed(small: Any) -> None:
 def test_a_folder_is_trained_in_by_one_process_only(small: Any) -> None:
     config = small()
     result = train(config)
-    folder = RunFolder(result.run)
+    folder = RunFolder(result.path)
     assert not folder.is_running()
     with folder.locked():
         assert folder.is_running()
         with pytest.raises(RunError, match="is being trained by another process") as info:
-            train(config, resume=result.run)
+            train(config, resume=result.path)
     assert "ludus control" in info.value.hint

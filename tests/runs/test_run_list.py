@@ -78,7 +78,7 @@ def test_no_file_has_no_lines(tmp_path: Path) -> None:
 
 
 def test_a_run_tells_how_it_ended(small: Any) -> None:
-    run = train(small(evaluation_episodes=4)).run
+    run = train(small(evaluation_episodes=4)).path
     (summary,) = list_runs(run.parent)
     assert (summary.path, summary.target) == (run, "gym:Identity-discrete-v0")
     assert (summary.state, summary.stop_reason) == ("finished", "total_steps")
@@ -114,7 +114,7 @@ def test_a_resumed_run_forgets_how_it_ended(small: Any) -> None:
 def test_requests_to_a_run_that_had_ended_are_void(small: Any) -> None:
     from ludus.runs.control import send_request
 
-    run = train(small()).run
+    run = train(small()).path
     send_request(RunFolder(run).control, StopRequest())
     assert train(small(total_steps=1_280), resume=run).stop_reason == "total_steps"
 
@@ -152,14 +152,14 @@ def test_a_run_with_damaged_files_has_crashed(result: bytes, tmp_path: Path) -> 
 
 
 def test_the_last_one_started_comes_first(small: Any) -> None:
-    runs = [train(small(name=name, total_steps=64)).run for name in ("b", "a", "c")]
+    runs = [train(small(name=name, total_steps=64)).path for name in ("b", "a", "c")]
     for age, run in enumerate(runs):
         os.utime(run / "config.json", (1_000_000 - age, 1_000_000 - age))
     assert [summary.path.name for summary in list_runs(runs[0].parent)] == ["b", "a", "c"]
 
 
 def test_a_locked_run_is_running(small: Any) -> None:
-    run = train(small()).run
+    run = train(small()).path
     with RunFolder(run).locked():
         (summary,) = list_runs(run.parent)
         assert (summary.state, summary.stop_reason) == ("running", None)

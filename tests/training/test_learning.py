@@ -80,7 +80,7 @@ def value_of(target: str, share: float, tmp_path: Path) -> float:
         learning_rate=5e-3, max_grad_norm=100.0,
     )  # fmt: skip
     result = train(settings)
-    _, checkpoint = RunFolder(result.run).checkpoints().newest()
+    _, checkpoint = RunFolder(result.path).checkpoints().newest()
     critic = perceptron((1, 32, 1), "tanh", 1.0)
     load_tensors(critic, checkpoint.learners["agent"].tensors, "critic.")
     with torch.inference_mode():

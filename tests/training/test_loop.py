@@ -44,13 +44,13 @@ def is_equal(first: Checkpoint, second: Checkpoint) -> bool:
 
 def test_leaves_a_complete_folder(small: Any) -> None:
     result = train(small(evaluation_episodes=20))
-    names = {path.name for path in result.run.iterdir()}
+    names = {path.name for path in result.path.iterdir()}
     expected = {"config.json", "checkpoints", "metrics.jsonl", "learning_curve.png"}
     assert expected | {"evaluation.json"} <= names
     assert any(name.startswith("events.out.tfevents") for name in names)
-    assert (result.run / "learning_curve.png").read_bytes().startswith(b"\x89PNG")
+    assert (result.path / "learning_curve.png").read_bytes().startswith(b"\x89PNG")
     assert (result.stop_reason, result.agent_steps, result.updates) == ("total_steps", 640, 10)
-    evaluation = json.loads((result.run / "evaluation.json").read_bytes())
+    evaluation = json.loads((result.path / "evaluation.json").read_bytes())
     assert len(evaluation["agent"]["returns"]) == 20
 
 
@@ -64,13 +64,13 @@ def test_a_run_whose_episodes_never_end_is_whole(
         "no evaluation: policy agent: 0 of 2 episodes ended within 50 steps; set max_ep"
         in caplog.text
     )
-    written = json.loads((result.run / "result.json").read_bytes())
+    written = json.loads((result.path / "result.json").read_bytes())
     assert (written["stop_reason"], written["evaluation"]) == ("total_steps", {})
 
 
 def test_every_metric_is_documented_and_steps_grow(small: Any) -> None:
     result = train(small("gym:Identity-continuous-v0"))
-    lines = read_metrics(result.run / "metrics.jsonl")
+    lines = read_metrics(result.path / "metrics.jsonl")
     assert [line["agent_steps"] for line in lines] == list(range(64, 641, 64))
     for line in lines:
         assert line.keys() - {"policies"} == METRICS.keys()
@@ -82,7 +82,7 @@ def test_events_can_be_read_by_tensorboard(small: Any) -> None:
     from tensorboard.backend.event_processing.event_file_loader import EventFileLoader
 
     result = train(small())
-    (path,) = result.run.glob("events.out.tfevents*")
+    (path,) = result.path.glob("events.out.tfevents*")
     events: list[Any] = list(cast(Any, EventFileLoader(str(path))).Load())
     values = {(value.tag, event.step) for event in events for value in event.summary.value}
     assert ("agent/entropy", 640) in values
@@ -92,19 +92,19 @@ def test_events_can_be_read_by_tensorboard(small: Any) -> None:
 def test_equal_seeds_give_equal_weights(small: Any) -> None:
     first, second = train(small(name="a")), train(small(name="b"))
     other = train(small(name="c", seed=8))
-    assert is_equal(newest(first.run), newest(second.run))
-    assert not is_equal(newest(first.run), newest(other.run))
+    assert is_equal(newest(first.path), newest(second.path))
+    assert not is_equal(newest(first.path), newest(other.path))
 
 
 def test_resume_continues_the_run(small: Any) -> None:
     config = small()
     first = train(config)
-    second = train(replace(config, total_steps=1280), resume=first.run)
-    assert second.run == first.run
-    steps = [line["agent_steps"] for line in read_metrics(first.run / "metrics.jsonl")]
+    second = train(replace(config, total_steps=1280), resume=first.path)
+    assert second.path == first.path
+    steps = [line["agent_steps"] for line in read_metrics(first.path / "metrics.jsonl")]
     assert steps == list(range(64, 1281, 64))
-    assert len(list(first.run.glob("events.out.tfevents*"))) == 2
-    assert newest(first.run).run["episodes"]["agent"]["num_episodes"] > 0
+    assert len(list(first.path.glob("events.out.tfevents*"))) == 2
+    assert newest(first.path).run["episodes"]["agent"]["num_episodes"] > 0
 
 
 def test_resume_replaces_a_corrupt_newest_checkpoint(
@@ -112,13 +112,13 @@ def test_resume_replaces_a_corrupt_newest_checkpoint(
 ) -> None:
     config = small()
     first = train(config)
-    path = RunFolder(first.run).checkpoints().paths()[-1]
+    path = RunFolder(first.path).checkpoints().paths()[-1]
     (path / "tensors.safetensors").write_bytes(b"half")
-    second = train(config, resume=first.run)
+    second = train(config, resume=first.path)
     assert (second.stop_reason, second.agent_steps) == ("total_steps", 640)
     assert f"{path} was renamed to unloadable-{path.name}" in caplog.text
     assert read_checkpoint(path).agent_steps == 640
-    assert newest(first.run).agent_steps == 640
+    assert newest(first.path).agent_steps == 640
 
 
 def test_exact_resume_equals_an_uninterrupted_run(small: Any) -> None:
@@ -127,21 +127,21 @@ def test_exact_resume_equals_an_uninterrupted_run(small: Any) -> None:
     whole = train(replace(config, name="whole"))
     half = train(replace(config, name="half", total_steps=384))
     assert half.agent_steps == 384
-    train(replace(config, name="half"), resume=half.run)
-    assert is_equal(newest(whole.run), newest(half.run))
+    train(replace(config, name="half"), resume=half.path)
+    assert is_equal(newest(whole.path), newest(half.path))
 
 
 def test_resume_of_another_spec_names_the_policy(small: Any) -> None:
     first = train(small())
     with pytest.raises(CheckpointError, match="other observations or actions of policy agent"):
-        train(small("gym:Identity-continuous-v0"), resume=first.run)
+        train(small("gym:Identity-continuous-v0"), resume=first.path)
 
 
 def test_resume_with_another_network_is_refused(small: Any) -> None:
     first = train(small())
     changed = replace(small(), ppo=replace(small().ppo, hidden_sizes=(17,)))
     with pytest.raises(CheckpointError, match="does not fit the network"):
-        train(changed, resume=first.run)
+        train(changed, resume=first.path)
 
 
 def test_divergence_saves_the_state_and_keeps_good_checkpoints(small: Any) -> None:
@@ -207,7 +207,7 @@ def test_a_signal_saves_and_stops(small: Any, signum: int) -> None:
     before = signal.getsignal(signum)
     result = train(small(evaluation_episodes=20), reporter=Killer(signum, after=4))
     assert (result.stop_reason, result.signum) == ("interrupted", signum)
-    assert newest(result.run).agent_steps == result.agent_steps == 256
+    assert newest(result.path).agent_steps == result.agent_steps == 256
     assert not result.evaluation
     assert signal.getsignal(signum) is before
 
@@ -231,7 +231,7 @@ def test_kill_at_any_moment_leaves_a_loadable_run(small: Any) -> None:
         "run = Path(sys.argv[1]); config = RunFolder(run).read_config()\n"
         "print('ready', flush=True); train(config, resume=run)\n"
     )
-    run = train(replace(config, total_steps=64)).run
+    run = train(replace(config, total_steps=64)).path
     RunFolder(run).write_config(config)
     steps, chance = 64, random.Random(0)
     for _ in range(2):

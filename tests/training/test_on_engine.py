@@ -130,9 +130,9 @@ def newest(run: Path) -> Checkpoint:
 def assert_equal(first: Checkpoint, second: Checkpoint) -> None:
     """Compare everything that a later run depends on."""
     assert first.agent_steps == second.agent_steps
-    assert first.run["episodes"] == second.run["episodes"]
-    assert first.run["seats"] == second.run["seats"]
-    assert first.run.get("league") == second.run.get("league")
+    assert first.run["episodes"] == second.path["episodes"]
+    assert first.run["seats"] == second.path["seats"]
+    assert first.run.get("league") == second.path.get("league")
     assert first.learners.keys() == second.learners.keys()
     pairs = [(first.league, second.league)]
     for name, learner in first.learners.items():
@@ -160,20 +160,20 @@ more = {"report_steps": 20, "learning_starts": 40}
 
 def test_the_scene_chooses_algorithm_and_network(pennies: Any) -> None:
     result = train(pennies(SAC_IN_SCENE))
-    saved = RunFolder(result.run).read_config().policies
+    saved = RunFolder(result.path).read_config().policies
     even, odd = saved["even"], saved["odd"]
     assert isinstance(even, PPOConfig)
     assert isinstance(odd, SACConfig)
     assert (even.hidden_sizes, even.rollout_steps) == ((8,), 20)
     assert (odd.hidden_sizes, odd.batch_size, odd.report_steps) == ((7, 5), 16, 20)
-    tensors = newest(result.run).learners
+    tensors = newest(result.path).learners
     assert tensors["even"].tensors["policy.actor.0.weight"].shape == (8, 2)
     assert tensors["odd"].tensors["policy.actor.0.weight"].shape == (7, 2)
     assert tensors["odd"].tensors["policy.actor.2.weight"].shape == (5, 7)
     # Both learn, each in its own way, and every step of both is counted.
-    assert None not in metrics(result.run, "even", "approximate_kl")
-    assert metrics(result.run, "odd", "approximate_kl")[-1] is None
-    assert metrics(result.run, "odd", "gradient_steps")[-1]
+    assert None not in metrics(result.path, "even", "approximate_kl")
+    assert metrics(result.path, "odd", "approximate_kl")[-1] is None
+    assert metrics(result.path, "odd", "gradient_steps")[-1]
     assert result.agent_steps == 1600
 
 
@@ -196,23 +196,23 @@ def test_settings_that_do_not_fit_name_policy_and_setting(
 
 def test_policies_take_turns(pennies: Any) -> None:
     result = train(pennies(alternate_every=2))
-    even, odd = (metrics(result.run, name, "is_learning") for name in ("even", "odd"))
+    even, odd = (metrics(result.path, name, "is_learning") for name in ("even", "odd"))
     assert even == [1, 1, 0, 0, 1, 1, 0, 0, 1, 1]
     assert odd == [0, 0, 1, 1, 0, 0, 1, 1, 0, 0]
 
 
 def test_the_game_freezes_a_policy(pennies: Any) -> None:
     result = train(pennies(even="freezes_at = 70"))
-    assert metrics(result.run, "even", "is_learning") == [1] * 4 + [0] * 6
-    assert metrics(result.run, "odd", "is_learning") == [1] * 10
+    assert metrics(result.path, "even", "is_learning") == [1] * 4 + [0] * 6
+    assert metrics(result.path, "odd", "is_learning") == [1] * 10
 
 
 def test_self_play_is_rated(pennies: Any) -> None:
     league = LeagueConfig(share=0.5, snapshot_every_updates=2, pool_size=3)
     result = train(pennies(league=league))
-    ratings = [metrics(result.run, name, "elo") for name in ("even", "odd")]
+    ratings = [metrics(result.path, name, "elo") for name in ("even", "odd")]
     assert ratings[0][0] != ratings[0][-1]
-    checkpoint = newest(result.run)
+    checkpoint = newest(result.path)
     numbers = [number for number, _ in checkpoint.run["league"]["past"]["even"]]
     assert numbers[-3:] == sorted(numbers)[-3:]
     assert numbers[-1] >= 8
@@ -232,8 +232,8 @@ def test_resuming_repeats_an_uninterrupted_run_to_the_bit(kind: str, pennies: An
     whole = replace(whole, total_steps=10**9, name="whole")
     train(whole, reporter=Stopping(8))
     half = train(replace(whole, name="half"), reporter=Stopping(4))
-    train(replace(whole, name="half"), resume=half.run, reporter=Stopping(4))
-    assert_equal(newest(whole.runs / "whole"), newest(half.run))
+    train(replace(whole, name="half"), resume=half.path, reporter=Stopping(4))
+    assert_equal(newest(whole.runs / "whole"), newest(half.path))
 
 
 def test_cartpole_resumes_to_the_bit(tmp_path: Path) -> None:
@@ -246,15 +246,15 @@ def test_cartpole_resumes_to_the_bit(tmp_path: Path) -> None:
     )  # fmt: skip
     train(config, reporter=Stopping(6))
     half = train(replace(config, name="half"), reporter=Stopping(3))
-    train(replace(config, name="half"), resume=half.run, reporter=Stopping(3))
-    assert_equal(newest(tmp_path / "whole"), newest(half.run))
+    train(replace(config, name="half"), resume=half.path, reporter=Stopping(3))
+    assert_equal(newest(tmp_path / "whole"), newest(half.path))
 
 
 def test_a_killed_engine_is_replaced_and_the_run_goes_on(pennies: Any) -> None:
     config = pennies(num_engines=2, total_steps=6400)
     result = train(config, reporter=Killing(at_update=5))
     assert result.stop_reason == "total_steps"
-    lines = read_metrics(result.run / "metrics.jsonl")
+    lines = read_metrics(result.path / "metrics.jsonl")
     assert [line["restarts"] for line in lines][:5] == [0] * 5
     assert lines[-1]["restarts"] == 1
 

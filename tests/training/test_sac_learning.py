@@ -76,7 +76,7 @@ def value_of(target: str, share: float, tmp_path: Path) -> float:
         normalise_observation=False, updates_per_step=4.0, learning_rate_schedule="linear",
     )  # fmt: skip
     result = train(replace(settings, evaluation_episodes=0))
-    _, checkpoint = RunFolder(result.run).checkpoints().newest()
+    _, checkpoint = RunFolder(result.path).checkpoints().newest()
     critic = perceptron((1, 32, 2), "relu", 1.0)
     load_tensors(critic, checkpoint.learners["agent"].tensors, "critic.first.")
     with torch.inference_mode():
@@ -117,8 +117,8 @@ def test_exact_resume_equals_an_uninterrupted_run(target: str, tmp_path: Path) -
     whole = train(tiny(tmp_path, target, exact_resume=True, name="whole"))
     half = train(tiny(tmp_path, target, exact_resume=True, name="half", total_steps=384))
     assert half.agent_steps == 384
-    train(tiny(tmp_path, target, exact_resume=True, name="half"), resume=half.run)
-    one, two = (newest(run).learners["agent"] for run in (whole.run, half.run))
+    train(tiny(tmp_path, target, exact_resume=True, name="half"), resume=half.path)
+    one, two = (newest(run).learners["agent"] for run in (whole.path, half.path))
     assert one.values == two.values
     for first, second in ((one.tensors, two.tensors), (one.replay, two.replay)):
         assert first.keys() == second.keys()
@@ -128,7 +128,7 @@ def test_exact_resume_equals_an_uninterrupted_run(target: str, tmp_path: Path) -
 
 def test_metrics_are_documented_and_finite(tmp_path: Path) -> None:
     result = train(tiny(tmp_path))
-    lines = read_metrics(result.run / "metrics.jsonl")
+    lines = read_metrics(result.path / "metrics.jsonl")
     last = lines[-1]["policies"]["agent"]
     assert last.keys() <= POLICY_METRICS.keys()
     of_sac = {name for name, text in POLICY_METRICS.items() if text.startswith("SAC")}

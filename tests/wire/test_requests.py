@@ -18,13 +18,16 @@ from tests.wire.strategies import json_values
 from tests.wire.test_fuzz import ODD_VALUES, places, put
 
 GOLDEN = load("result_requests").content["value"]
+METRICS = load("result_requests_metrics").content["value"]
 GUIDED = load("result_requests_guided").content["value"]
+METRIC = {"count": 1, "sum": 2.0, "min": 2.0, "max": 2.0}
 SET_MODE = {"kind": "set_mode", "policy": "hero", "mode": "frozen"}
 
 
 def test_golden_requests_are_read() -> None:
     assert read_requests(GOLDEN) == GOLDEN
     assert read_requests(GUIDED) == GUIDED
+    assert read_requests(METRICS) == METRICS
     assert {request["mode"] for request in GOLDEN if "mode" in request} == set(MODES)
 
 
@@ -33,7 +36,7 @@ def test_the_page_names_every_kind_and_mode() -> None:
     table = page[page.index("| kind | what the trainer does |") :]
     table = table[: table.index("\n\n")]
     kinds = re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)
-    assert list(dict.fromkeys(request["kind"] for request in GOLDEN + GUIDED)) == kinds
+    assert list(dict.fromkeys(request["kind"] for request in GOLDEN + GUIDED + METRICS)) == kinds
     assert all(f"`{mode}`" in table for mode in MODES)
     assert CAPABILITY in CAPABILITIES
 
@@ -55,6 +58,11 @@ def test_unknown_kinds_policies_and_keys_are_accepted(value: Any) -> None:
 WRONG: list[tuple[Any, str]] = [
     (None, r"take_requests\(\): expected a list, got None"),
     ({"kind": "save"}, r"take_requests\(\): expected a list"),
+    ([{"kind": "metrics"}], r"\[0\]\.metrics: missing"),
+    ([{"kind": "metrics", "metrics": {}}], r"metrics: expected 1 to 64 names, got 0"),
+    ([{"kind": "metrics", "metrics": {"a\n": METRIC}}], r"names of 1 to 128 characters, none a"),
+    ([{"kind": "metrics", "metrics": {"a": {**METRIC, "count": 0}}}], r"metrics\.a\.count: exp"),
+    ([{"kind": "metrics", "metrics": {"a": {**METRIC, "sum": None}}}], r"a\.sum: expected a num"),
     ([{"kind": "save"}] * 257, r"take_requests\(\): expected 0 to 256 items, got 257"),
     ([{"kind": "save"}, "save"], r"take_requests\(\)\[1\]: expected an object, got 'save'"),
     ([{}], r"\[0\]\.kind: missing"),

@@ -2,6 +2,7 @@ extends "ludus_test.gd"
 ## What the game asks of its trainer, and hears from it (PROTOCOL.md §8).
 
 const LudusCall := preload("res://addons/ludus/bridge/call.gd")
+const LudusMetrics := preload("res://addons/ludus/bridge/metrics.gd")
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
 const LudusTrainingStatus := preload("res://addons/ludus/training/training_status.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
@@ -175,5 +176,5 @@ func _with_mode(status: Dictionary, policy: String, mode: String) -> Dictionary:
 func _answer(requests: LudusRequests, method: String, arguments: Array) -> Dictionary:
 	var message := {"id": 9, "target": {"bridge": true}, "method": method, "arguments": arguments}
 	var call := LudusCall.new(JSON.stringify(message).to_utf8_buffer())
-	var frame := call.answer_for_bridge(requests, LudusTrainingStatus.new())
+	var frame := call.answer_for_bridge(requests, LudusMetrics.new(), LudusTrainingStatus.new())
 	return LudusWire.read_json(frame.slice(LudusWire.HEADER_BYTES))

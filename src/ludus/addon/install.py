@@ -18,12 +18,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
-from ludus.addon.references import moved_scripts, rewrite_references
+from ludus.addon.references import find_dropped, moved_scripts, rewrite_references
 from ludus.engine.bundled import bundled_root, package_version
 from ludus.engine.config_file import add_string, add_to_string_array, parse_config
 from ludus.engine.kinds import EngineKind
 from ludus.engine.project import PROJECT_FILE, find_project, read_project
-from ludus.engine.script_classes import add_script_classes, find_script_classes
+from ludus.engine.script_classes import (
+    add_script_classes,
+    drop_missing_classes,
+    find_script_classes,
+)
 from ludus.errors import ConfigError, SetupError
 
 __all__ = [
@@ -160,7 +164,8 @@ def install_addon(project: Path, *, force: bool = False) -> AddonChange:
 
     Raises:
         TargetError: There is no Godot project.
-        ConfigError: Files were changed by hand, or the folder is a link.
+        ConfigError: Files were changed by hand, the folder is a link, or a Godot 3 project uses
+            what its add-on no longer has. Nothing was changed.
         SetupError: The project cannot be written.
     """
     root = find_project(project).root
@@ -182,11 +187,14 @@ def install_folder(root: Path, path: str, *, force: bool) -> AddonChange:
         force: Overwrite files that were changed by hand.
 
     Raises:
-        ConfigError: Files were changed by hand, or the folder is a link.
+        ConfigError: Files were changed by hand, the folder is a link, or a Godot 3 project uses
+            what its add-on no longer has.
         SetupError: The project cannot be written.
     """
     source, target = _bundled_addon(root, path), root / path
     files = _survey(source, target)
+    if read_project(root).engine_kind is EngineKind.GODOT3:
+        _refuse_dropped(root, files.version)
     is_bundled = target.resolve() == source.resolve()
     if target.is_symlink() and not is_bundled:
         raise ConfigError(
@@ -212,6 +220,19 @@ def install_folder(root: Path, path: str, *, force: bool) -> AddonChange:
         with _disk_errors(root):
             _swap_in(source, target, files, version)
     return change
+
+
+def _refuse_dropped(root: Path, installed: str | None) -> None:
+    found = find_dropped(root, ADDON_PATH)
+    if not found:
+        return
+    rows = "\n".join(f"  {name}" for name in found)
+    raise ConfigError(
+        "the add-on for Godot 3 no longer has simulations in code and guided training "
+        f"(LudusSimulation, LudusTraining, Ludus.start_training), which these files use:\n{rows}",
+        hint=f"keep the add-on of version {installed or '0.1.0'}, the last that has them: Ludus "
+        "goes on training games that have it; or move the game to Godot 4",
+    )
 
 
 @contextmanager
@@ -304,6 +325,7 @@ def _enable(root: Path) -> bool:
     enabled = add_string(enabled, _AUTOLOAD_KEY, f"*{_BRIDGES[kind]}")
     if kind is EngineKind.GODOT3:
         for path in (ADDON_PATH, LEGACY_PATH):
+            enabled = drop_missing_classes(enabled, root, f"res://{path}")
             scripts = find_script_classes(root / path, f"res://{path}")
             enabled = add_script_classes(enabled, scripts)
     if enabled == text:

@@ -1,4 +1,4 @@
-"""References of a project to scripts of the add-on that have moved since it was written."""
+"""References of a project to parts of the add-on that have moved or are gone."""
 
 from __future__ import annotations
 
@@ -9,10 +9,17 @@ from pathlib import Path
 
 from ludus.disk import write_atomically
 
-__all__ = ["moved_scripts", "rewrite_references"]
+__all__ = ["find_dropped", "moved_scripts", "rewrite_references"]
 
 _SUFFIXES = {".cfg", ".gd", ".godot", ".tres", ".tscn"}
 """Text files that name scripts. Binary scenes find theirs by uid, which moves along."""
+
+_DROPPED = re.compile(
+    rb"\bLudus(?:Simulation|SimulationHost|Training|Pace)\b"
+    rb"|\bLudus\.(?:start_training|play_round|write_policies)\b"
+    rb"|addons/ludus/ludus_(?:simulation|simulation_host|training|pace)\.gd"
+)
+"""What Godot 3's add-on had until version 0.1.0: simulations in code, and guided training."""
 
 
 def moved_scripts(bundled: Iterable[str]) -> dict[str, str]:
@@ -61,6 +68,22 @@ def rewrite_references(root: Path, folder: str, moved: dict[str, str]) -> tuple[
             file.chmod(mode)
             changed.append(file.relative_to(root).as_posix())
     return tuple(changed)
+
+
+def find_dropped(root: Path, folder: str) -> tuple[str, ...]:
+    """List the files of a Godot 3 project that use what its add-on no longer has.
+
+    Args:
+        root: Folder of the project.
+        folder: Folder of the add-on in it, which is left out.
+
+    Raises:
+        OSError: A file cannot be read.
+    """
+    files = (file for file in _text_files(root, root / folder) if file.suffix != ".godot")
+    return tuple(
+        file.relative_to(root).as_posix() for file in files if _DROPPED.search(file.read_bytes())
+    )
 
 
 def _text_files(root: Path, left_out: Path) -> Iterator[Path]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from torch import Tensor
 
@@ -56,6 +56,7 @@ class LearnerState:
     replay: dict[str, Tensor] = field(default_factory=dict[str, Tensor])
 
 
+@runtime_checkable
 class Learner(Protocol):
     """Trains one policy.
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 import numpy as np
@@ -10,22 +12,55 @@ import torch
 
 from ludus.algorithms.learner import Learner, LearnerSettings
 from ludus.algorithms.ppo import PPO
+from ludus.errors import UsageError
 from ludus.networks.device import choose_device, uses_bfloat16
+from ludus.networks.own_network import MakeNetwork
 from ludus.networks.policy import Policy
 from ludus.pool.interface import Pool
-from ludus.settings.policy_config import PPOConfig
+from ludus.settings.policy_config import PolicyConfig, PPOConfig
 from ludus.settings.train_config import TrainConfig
 
-__all__ = ["make_learners", "policy_seed"]
+__all__ = ["MakeLearner", "OwnParts", "make_learners", "policy_seed"]
+
+MakeLearner = Callable[[Policy, PolicyConfig, LearnerSettings], Learner]
+"""Makes what trains a policy, from the policy, its settings, and what it has to know of the run."""
 
 
-def make_learners(config: TrainConfig, pool: Pool) -> dict[str, Learner]:
+@dataclass(frozen=True)
+class OwnParts:
+    """Networks and algorithms that a script brings, by policy.
+
+    Attributes:
+        networks: Makers of torsos, see :class:`~ludus.networks.own_network.OwnTorso`.
+        learners: Makers of learners.
+    """
+
+    networks: Mapping[str, MakeNetwork] = field(default_factory=dict[str, MakeNetwork])
+    learners: Mapping[str, MakeLearner] = field(default_factory=dict[str, MakeLearner])
+
+
+def make_learners(
+    config: TrainConfig, pool: Pool, own: OwnParts | None = None
+) -> dict[str, Learner]:
     """Return a learner for each policy of ``pool``, by name.
+
+    Args:
+        config: Settings of every policy.
+        pool: The games.
+        own: What takes the place of Ludus's networks and algorithms.
 
     Raises:
         ConfigError: A setting of the scene is unknown or does not fit.
+        UsageError: ``own`` names a policy that the game does not have, or makes something else.
     """
-    return {name: _make_learner(name, config, pool) for name in pool.policies}
+    own = own or OwnParts()
+    for name in [*own.networks, *own.learners]:
+        if name not in pool.policies:
+            raise UsageError(
+                f"networks or learners: there is no policy {name!r}",
+                f"policies of the game: {', '.join(pool.policies)}",
+            )
+    return {name: _make_learner(name, config, pool, own) for name in pool.policies}
 
 
 def policy_seed(seed: int, policy: str) -> int:
@@ -34,7 +69,7 @@ def policy_seed(seed: int, policy: str) -> int:
     return int(np.random.SeedSequence(entropy).generate_state(1, np.uint64)[0] >> np.uint64(1))
 
 
-def _make_learner(name: str, config: TrainConfig, pool: Pool) -> Learner:
+def _make_learner(name: str, config: TrainConfig, pool: Pool, own: OwnParts) -> Learner:
     spec = pool.policies[name]
     settings = config.policies[name]
     device = choose_device(config.device)
@@ -46,9 +81,22 @@ def _make_learner(name: str, config: TrainConfig, pool: Pool) -> Learner:
     )
     with cast(Any, torch.random).fork_rng(devices=[]):
         cast(Any, torch).manual_seed(about.seed)
-        policy = Policy(spec, settings).to(device)
+        policy = Policy(spec, settings, own.networks.get(name)).to(device)
+        if name in own.learners:
+            return _checked(own.learners[name](policy, settings, about), name)
         if isinstance(settings, PPOConfig):
             return PPO(policy, settings, about)
         from ludus.algorithms.sac import SAC
 
         return SAC(policy, settings, about)
+
+
+def _checked(learner: object, policy: str) -> Learner:
+    if isinstance(learner, Learner):
+        return learner
+    names = [name for name in dir(Learner) if not name.startswith("_")]
+    missing = [name for name in names if not hasattr(learner, name)]
+    raise UsageError(
+        f"the learner of policy {policy}, {type(learner).__name__}, lacks {', '.join(missing)}",
+        "ludus.algorithms.Learner lists what a learner has",
+    )

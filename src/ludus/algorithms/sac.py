@@ -139,7 +139,7 @@ class SAC:
         sizes = config.hidden_sizes if sizes is None else sizes
         num_outputs = policy.head.num_logits or 1
         self._critic = TwinCritic(
-            policy.encoder, sizes, policy.head.size, num_outputs, config.activation
+            policy.make_torso(), sizes, policy.head.size, num_outputs, config.activation
         )
         self._critic.to(self._device)
         self._target = copy.deepcopy(self._critic).requires_grad_(False)

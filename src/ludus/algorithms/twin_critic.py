@@ -6,7 +6,8 @@ import torch
 from torch import Tensor, nn
 
 from ludus.networks.dense import Network, accelerate
-from ludus.networks.networks import FeatureTorso, Inputs, ObservationEncoder, perceptron
+from ludus.networks.networks import FeatureTorso, Inputs, perceptron
+from ludus.networks.own_network import OwnTorso
 
 __all__ = ["TwinCritic"]
 
@@ -15,7 +16,7 @@ class TwinCritic(nn.Module):
     """Two networks over the same observations; images go through convolutions of their own.
 
     Args:
-        encoder: Of the policy's observations.
+        torso: From observations to features; the critics' own.
         sizes: Units of each hidden layer.
         num_inputs: Elements of the action that the networks look at, beside the observation.
         num_outputs: Values that each puts out.
@@ -24,14 +25,14 @@ class TwinCritic(nn.Module):
 
     def __init__(
         self,
-        encoder: ObservationEncoder,
+        torso: FeatureTorso | OwnTorso,
         sizes: tuple[int, ...],
         num_inputs: int,
         num_outputs: int,
         activation: str,
     ) -> None:
         super().__init__()
-        self.torso = FeatureTorso(encoder)
+        self.torso = torso
         sizes = (self.torso.size + num_inputs, *sizes, num_outputs)
         self.first = perceptron(sizes, activation, 1.0)
         self.second = perceptron(sizes, activation, 1.0)

@@ -7,7 +7,7 @@ import warnings
 
 from gymnasium.utils.env_checker import check_env
 
-from ludus.check.context import CheckContext, OneEngineOnly
+from ludus.check.context import CheckContext
 from ludus.check.finding import Finding, fail, info, ok, warn
 from ludus.libraries import LudusEnv
 from ludus.spec import Spec
@@ -37,8 +37,6 @@ def check_gymnasium(context: CheckContext) -> list[Finding]:
             check_env(LudusEnv(pool), skip_close_check=True)
     except AssertionError as error:
         return [fail(TITLE, _plain(str(error)), _FORMAT_HINT)]
-    except OneEngineOnly as error:
-        return [info(TITLE, error.message, error.hint)]
     texts = [_plain(str(warning.message)) for warning in caught]
     texts = [text for text in texts if not any(part in text for part in _REPORTED_ELSEWHERE)]
     return [ok(TITLE), *(warn("Gymnasium warns", text) for text in dict.fromkeys(texts))]

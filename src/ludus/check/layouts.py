@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 
-from ludus.check.context import CheckContext, OneEngineOnly
+from ludus.check.context import CheckContext
 from ludus.check.episodes import Comparison, Verdict, compare_episodes
 from ludus.check.finding import Finding, fail, info, ok
 from ludus.check.recording import Recording, record
@@ -33,10 +33,7 @@ def check_layouts(context: CheckContext) -> list[Finding]:
     other = "isolated" if own == "grid" else "grid"
     pools: dict[str, EnginePool] = {}
     with contextlib.ExitStack() as stack:
-        try:
-            pools[own] = stack.enter_context(context.other_pool(num_worlds=num))
-        except OneEngineOnly as error:
-            return [info(TITLE, error.message, error.hint)]
+        pools[own] = stack.enter_context(context.other_pool(num_worlds=num))
         try:
             pools[other] = stack.enter_context(context.other_pool(num_worlds=num, layout=other))
         except (TargetError, ConfigError) as error:

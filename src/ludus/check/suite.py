@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
 from ludus.check.actions import check_actions
-from ludus.check.context import CheckConfig, CheckContext
+from ludus.check.context import CheckConfig, CheckContext, OneEngineOnly
 from ludus.check.determinism import check_determinism
-from ludus.check.finding import Finding, Status, fail
+from ludus.check.finding import Finding, Status, fail, info
 from ludus.check.frame_rules import check_frame_rules
 from ludus.check.gymnasium_env import check_gymnasium
 from ludus.check.layouts import check_layouts
@@ -22,7 +22,7 @@ from ludus.errors import LudusError
 
 __all__ = ["CHECKS", "CheckReport", "run_checks"]
 
-Check = Callable[[CheckContext], list[Finding]]
+Check = Callable[[CheckContext], Iterable[Finding]]
 
 CHECKS: dict[str, Check] = {
     "timing": check_timing,
@@ -97,7 +97,7 @@ def run_checks(
     """
     report = CheckReport(str(config.target))
 
-    def note(name: str, findings: list[Finding]) -> None:
+    def note(name: str, findings: Iterable[Finding]) -> None:
         for finding in findings:
             report.findings.append((name, finding))
             if on_finding is not None:
@@ -115,6 +115,8 @@ def run_checks(
         for name, check in CHECKS.items():
             try:
                 note(name, check(context))
+            except OneEngineOnly as error:
+                note(name, [info("compared with a second process", error.message, error.hint)])
             except LudusError as error:
                 note(name, [_game_failed("the check runs without an error", error)])
     return report

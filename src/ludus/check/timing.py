@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -20,20 +21,20 @@ WAIT_S = 0.05
 SHORT_EPISODE_STEPS = 5
 
 
-def check_timing(context: CheckContext) -> list[Finding]:
+def check_timing(context: CheckContext) -> Iterator[Finding]:
     """Check ticks, resets and truncation."""
     recording = context.recording
+    yield _reset_answers(recording)
+    yield _ticks(recording)
     with context.main_pool() as pool:
-        findings = [
-            _reset_answers(recording),
-            _ticks(recording),
-            _unchanged_until_action(pool, context.config.seed),
-            _others_unchanged(pool, context.config.seed),
-            _limit(recording, ""),
-        ]
+        unchanged = _unchanged_until_action(pool, context.config.seed)
+        others = _others_unchanged(pool, context.config.seed)
+    yield unchanged
+    yield others
+    yield _limit(recording, "")
     with context.other_pool(max_episode_steps=SHORT_EPISODE_STEPS) as pool:
         short = record(pool, context.config.seed, 2 * SHORT_EPISODE_STEPS + 2)
-    return [*findings, _limit(short, " (set by the trainer)")]
+    yield _limit(short, " (set by the trainer)")
 
 
 def _reset_answers(recording: Recording) -> Finding:

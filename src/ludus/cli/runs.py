@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from ludus.cli.figures import CURVE_WIDTH, clock, sparkline
+from ludus.training.figures import CURVE_WIDTH, clock, sparkline
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -28,6 +28,7 @@ STYLES: dict[RunState, str] = {
     "stopped": "yellow",
     "interrupted": "yellow",
     "diverged": "red",
+    "failed": "red",
     "crashed": "red",
 }
 

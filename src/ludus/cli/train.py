@@ -9,16 +9,15 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, make_dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Union, get_type_hints
+from typing import Annotated, Any, TypeVar, Union, get_type_hints
 
 import tyro
 
 from ludus.settings.merging import Layer, merge, resolve
-from ludus.settings.plain import read_file
 from ludus.settings.policy_config import ALGORITHM_CONFIGS
 from ludus.settings.train_config import Phase, PPOConfig, SACConfig, TrainConfig
 
-__all__ = ["COMMAND", "TrainCommand", "parse", "run"]
+__all__ = ["COMMAND", "TrainCommand", "parse", "parse_settings", "run"]
 
 PROGRAM = "ludus train"
 POLICIES = "policies"
@@ -75,36 +74,43 @@ class TrainCommand(_Unchecked, TrainConfig):
 
 
 COMMAND = TrainCommand
+Command = TypeVar("Command", bound=TrainCommand)
 
 
 def parse(arguments: Sequence[str]) -> TrainCommand:
     """Return what was typed, and all layers of settings below it."""
+    from ludus.runs.run_folder import RunFolder, stack_layers
+
+    command, typed = parse_settings(arguments, TrainCommand, PROGRAM)
+    folder = None if command.resume is None else RunFolder.find(command.resume)
+    layers = stack_layers(typed, config=command.config, run=folder)
+    return replace(command, resume=None if folder is None else folder.path, layers=layers)
+
+
+def parse_settings(
+    arguments: Sequence[str], kind: type[Command], program: str
+) -> tuple[Command, Layer]:
+    """Return what was typed, and the layer of its settings.
+
+    Args:
+        arguments: What was typed.
+        kind: The command: this one, or one that has its flags, too.
+        program: Its name.
+    """
     flags = _flags(arguments)
     policies = {flag.split(".")[1]: _policy_flags() for flag in flags if _is_of_policy(flag)}
     command = tyro.cli(
-        TrainCommand,
+        kind,
         args=["None" if argument == "none" else argument for argument in arguments],  # as in files
-        default=TrainCommand(policies=policies),
-        prog=PROGRAM,
+        default=kind(policies=policies),
+        prog=program,
     )
-    layers: list[Layer] = []
-    if command.resume is not None:
-        from ludus.runs.run_folder import RunFolder
-
-        folder = RunFolder.find(command.resume)
-        saved = read_file(folder.path / "config.json")
-        layers.append(Layer(f"run {folder.path}", saved, is_saved=True))
-        command = replace(command, resume=folder.path)
-    if command.config is not None:
-        is_saved = command.config.suffix == ".json"
-        layers.append(Layer(f"file {command.config}", read_file(command.config), is_saved))
-    layers.append(Layer("command line", _typed(command, flags)))
-    return replace(command, layers=tuple(layers))
+    return command, Layer("command line", _typed(command, flags))
 
 
 def run(command: TrainCommand) -> int:
     """Train; return 0, or 128 plus the signal that stopped it."""
-    from ludus.cli.live import reporter_for
+    from ludus.training.live import reporter_for
     from ludus.training.loop import train
 
     if command.explain:
@@ -113,12 +119,13 @@ def run(command: TrainCommand) -> int:
         result = train(command.layers, resume=command.resume, reporter=reporter)
     reporter.finished(result)
     if command.json:
-        values: dict[str, Any] = {**asdict(result), "run": str(result.run)}
+        values: dict[str, Any] = asdict(result)
+        values = {"run": str(values.pop("path"))} | values
         sys.stdout.write(json.dumps(values) + "\n")
     if result.signum is None:
         return 0
     name = signal.Signals(result.signum).name
-    again = f"{PROGRAM} --resume {shlex.quote(str(result.run))}"
+    again = f"{PROGRAM} --resume {shlex.quote(str(result.path))}"
     sys.stderr.write(f"stopped by {name} and saved; go on with: {again}\n")
     return 128 + result.signum
 

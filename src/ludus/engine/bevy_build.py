@@ -99,7 +99,7 @@ def build_bevy_example(name: str) -> Path:
             hint="install Rust from https://rustup.rs",
         )
     package, *features = name.split(FEATURE_MARK)
-    command = [cargo, "build", "--release", "--locked", "--package", package]
+    command = [cargo, "build", "--release", "--locked", "--package", package, "--example", package]
     command += ["--features", ",".join(features)] if features else []
     with file_lock(require_cache_root() / "bevy.lock", _BUILD_TIMEOUT_S):
         lines = _run_cargo([*command, "--message-format", "json-render-diagnostics"], root, name)

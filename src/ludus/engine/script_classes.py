@@ -12,12 +12,20 @@ from pathlib import Path
 
 from ludus.engine.config_file import parse_config, quote_string
 
-__all__ = ["ScriptClass", "add_script_classes", "find_script_classes", "move_script_classes"]
+__all__ = [
+    "ScriptClass",
+    "add_script_classes",
+    "drop_missing_classes",
+    "find_script_classes",
+    "move_script_classes",
+]
 
 _CLASSES_KEY = "_global_script_classes"
 _ICONS_KEY = "_global_script_class_icons"
 _CLASS_NAME = re.compile(r'^class_name (\w+)(?:, "([^"]+)")?$', re.MULTILINE)
 _EXTENDS = re.compile(r"^extends (\w+)$", re.MULTILINE)
+_ITEM = re.compile(r"\{[^{}]*\}")
+_LISTED_PATH = re.compile(r'"path":\s*"([^"]+)"')
 _LISTED = re.compile(r'"class":\s*"(\w+)"')
 
 
@@ -88,6 +96,36 @@ def move_script_classes(text: str, scripts: list[ScriptClass]) -> str:
         listed = re.compile(rf'\{{[^{{}}]*"class":\s*"{script.name}"[^{{}}]*\}}')
         value = listed.sub(script.entry().replace("\\", r"\\"), value)
     return text[: entry.start] + value + text[entry.end :]
+
+
+def drop_missing_classes(text: str, root: Path, prefix: str) -> str:
+    """Return the text without the listed scripts under ``prefix`` that do not exist.
+
+    Args:
+        text: Text of the project file.
+        root: Folder of the project.
+        prefix: ``res://`` path of a folder.
+    """
+    entry = parse_config(text).entries.get(f"/{_CLASSES_KEY}")
+    if entry is None:
+        return text
+    value, missing = entry.value, list[str]()
+    for listed in _ITEM.findall(entry.value):
+        name, path = _LISTED.search(listed), _LISTED_PATH.search(listed)
+        if name is None or path is None or not path[1].startswith(f"{prefix}/"):
+            continue
+        if not (root / path[1].removeprefix("res://")).is_file():
+            missing.append(name[1])
+            value = re.sub(rf"{re.escape(listed)}(?:,\s*)?", "", value)
+    if not missing:
+        return text
+    text = text[: entry.start] + re.sub(r",\s*\]$", " ]", value) + text[entry.end :]
+    icons = parse_config(text).entries.get(f"/{_ICONS_KEY}")
+    if icons is None:
+        return text
+    named = rf'"(?:{"|".join(missing)})":\s*"[^"]*",?\s*'
+    value = re.sub(r",\s*\}$", "\n}", re.sub(named, "", icons.value))
+    return text[: icons.start] + value + text[icons.end :]
 
 
 def _add_empty_lists(text: str) -> str:

@@ -28,10 +28,11 @@ from ludus.model.policy_model import (
 from ludus.networks.distributions import LOG_STD_RANGE
 from ludus.networks.networks import ImageTorso
 from ludus.networks.normalise import LIMIT, RunningNormaliser
+from ludus.networks.own_network import OwnTorso
 from ludus.networks.policy import Policy
 from ludus.spec import Bound, ObservationEntry, PolicySpec
 
-__all__ = ["to_model"]
+__all__ = ["outline", "to_model"]
 
 ACTIVATIONS: dict[type[nn.Module], Activation] = {
     nn.Tanh: "tanh",
@@ -51,8 +52,21 @@ def to_model(policy: Policy, spec: PolicySpec) -> PolicyModel:
     Raises:
         RunError: The network has a part that the format does not know.
     """
-    head = policy.head
+    whole = outline(policy, spec)
+    if isinstance(policy.torso, OwnTorso):
+        layers = _with_activations([*_own_layers(policy, policy.torso), *policy.actor])
+        return dataclasses.replace(whole, layers=tuple(_linear(*pair) for pair in layers))
     images = [entry.name for entry in spec.observation if is_image(entry)]
+    return dataclasses.replace(
+        whole,
+        images=tuple(_image(*pair) for pair in zip(images, policy.torso.images, strict=True)),
+        layers=tuple(_linear(*pair) for pair in _with_activations(policy.actor)),
+    )
+
+
+def outline(policy: Policy, spec: PolicySpec) -> PolicyModel:
+    """Return all of a policy but convolutions and layers, which the format may not know."""
+    head = policy.head
     return PolicyModel(
         policy=spec.name,
         fingerprint=spec.fingerprint(),
@@ -60,15 +74,28 @@ def to_model(policy: Policy, spec: PolicySpec) -> PolicyModel:
         action=spec.action,
         has_action_mask=spec.has_action_mask,
         normalisation=_normalisation(policy.encoder.normaliser),
-        images=tuple(_image(*pair) for pair in zip(images, policy.torso.images, strict=True)),
+        images=(),
         memory=None if policy.memory is None else _memory(policy.memory),
-        layers=tuple(_linear(*pair) for pair in _with_activations(policy.actor)),
+        layers=(),
         distribution=Distribution(
             log_std=None if head.log_std is None else _array(head.log_std),
             log_std_range=LOG_STD_RANGE,
             is_squashed=head.shape.is_squashed,
         ),
     )
+
+
+def _own_layers(policy: Policy, torso: OwnTorso) -> nn.Sequential:
+    """Return the layers of a script's network, where the format can hold them."""
+    has_more = policy.memory is not None or any(map(is_image, policy.spec.observation))
+    if not isinstance(torso.network, nn.Sequential) or has_more:
+        raise RunError(
+            f"policy {policy.spec.name} has a network that a script made, "
+            "which .ludus.json cannot hold",
+            "export it to .onnx; an nn.Sequential of linear layers and "
+            f"{', '.join(ACTIVATIONS.values())}, without memory or images, fits",
+        )
+    return torso.network
 
 
 def _entry(entry: ObservationEntry) -> ObservationEntry:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from ludus.disk import disk_errors, write_atomically
 from ludus.engine import EngineKind, InstalledEngine, find_engine
 from ludus.engine.exported import is_bevy_game
-from ludus.errors import SetupError, TargetError
+from ludus.errors import RunError, SetupError, TargetError
 from ludus.export.config import ExportConfig
-from ludus.export.convert import to_model
+from ludus.export.convert import outline, to_model
 from ludus.export.engines import BevyGame
 from ludus.export.parity import (
     ParityReport,
@@ -24,6 +25,7 @@ from ludus.export.places import JSON, ONNX, check_place, format_of, place_files
 from ludus.export.trained import TrainedPolicy, load_trained
 from ludus.model.json_file import write_model
 from ludus.model.policy_model import PolicyModel
+from ludus.networks.own_network import MakeNetwork
 from ludus.runs.run_folder import RunFolder
 from ludus.settings.train_config import TrainConfig
 from ludus.target import Executable, Scene, Target, parse_target, prepare
@@ -48,7 +50,9 @@ class Exported:
     parity: ParityReport | None
 
 
-def export_policies(config: ExportConfig) -> list[Exported]:
+def export_policies(
+    config: ExportConfig, networks: Mapping[str, MakeNetwork] | None = None
+) -> list[Exported]:
     """Write the policies of a run, all or none.
 
     A ``.ludus.json`` is tested with NumPy and in Godot, or in the Bevy game that was trained; an
@@ -57,6 +61,7 @@ def export_policies(config: ExportConfig) -> list[Exported]:
     Raises:
         CheckpointError: There is no such run or checkpoint, or it is corrupt.
         ConfigError: There is no such policy, or no such format.
+        RunError: The format that was named cannot hold a network.
         EngineNotFound: There is no Godot to test with.
         SetupError: The Bevy game to test with cannot be built.
         ParityError: A runtime computes something else than was trained; nothing is written.
@@ -64,9 +69,14 @@ def export_policies(config: ExportConfig) -> list[Exported]:
     """
     if config.to is not None:
         check_place(config.to)
-    trained = load_trained(config.run, config.checkpoint, config.policy)
+    trained = load_trained(config.run, config.checkpoint, config.policy, networks)
     folder = RunFolder.find(config.run)
-    places = place_files([one.spec.name for one in trained], config.to, folder.path)
+    models = {one.spec.name: _model(one) for one in trained}
+    others = [name for name, model in models.items() if model is None]
+    places = place_files(list(models), config.to, folder.path, others)
+    for one, place in zip(trained, places, strict=True):
+        if one.spec.name in others and format_of(place) == JSON:
+            to_model(one.policy, one.spec)  # says why that is impossible
     formats = {format_of(place) for place in places}
     engine = None
     if config.is_tested:
@@ -74,7 +84,8 @@ def export_policies(config: ExportConfig) -> list[Exported]:
     with tempfile.TemporaryDirectory(prefix="ludus-export-") as name:
         staged: list[tuple[PolicyFiles, ParityReport | None]] = []
         for index, one in enumerate(trained):
-            model, files = _stage(one, Path(name) / str(index), formats, config.is_tested)
+            place = Path(name) / str(index)
+            model, files = _stage(one, models[one.spec.name], place, formats, config.is_tested)
             report = None
             if config.is_tested:
                 report = measure_parity(one.policy, model, files, engine, one.recorded)
@@ -101,13 +112,26 @@ def write_policies(run: Path, folder: Path, checkpoint: str = "newest") -> dict[
     return {exported.policy: exported.path for exported in export_policies(config)}
 
 
+def _model(one: TrainedPolicy) -> PolicyModel | None:
+    """Return a policy as ``.ludus.json`` holds it, None if it cannot."""
+    try:
+        return to_model(one.policy, one.spec)
+    except RunError:
+        return None
+
+
 def _stage(
-    one: TrainedPolicy, folder: Path, formats: set[str], is_tested: bool
+    one: TrainedPolicy, model: PolicyModel | None, folder: Path, formats: set[str], is_tested: bool
 ) -> tuple[PolicyModel, PolicyFiles]:
     """Write a policy in all formats that are wanted or tested."""
     folder.mkdir()
-    model = to_model(one.policy, one.spec)
     json, onnx = folder / f"policy{JSON}", folder / f"policy{ONNX}"
+    if model is None:
+        from ludus.export.onnx_network import write_network
+
+        frame = outline(one.policy, one.spec)
+        write_network(onnx, one.policy, frame)
+        return frame, PolicyFiles(None, onnx)
     write_model(json, model)
     if ONNX not in formats and not (is_tested and has_onnx_runtime()):
         return model, PolicyFiles(json)

@@ -32,7 +32,7 @@ from ludus.model.policy_model import PolicyModel, is_image
 from ludus.spec import ObservationEntry
 from ludus.version import __version__
 
-__all__ = ["MASK", "MEMORY", "to_onnx", "write_onnx"]
+__all__ = ["MASK", "MEMORY", "OPSET", "check_names", "to_onnx", "with_metadata", "write_onnx"]
 
 OPSET, IR_VERSION = 17, 8
 """From 2022, so that runtimes of the last years can read the files."""
@@ -65,13 +65,7 @@ def to_onnx(model: PolicyModel) -> onnx.ModelProto:
     Raises:
         RunError: An observation entry has the name of another input or output.
     """
-    for entry in model.observation:
-        if entry.name in RESERVED:
-            raise RunError(
-                f"policy {model.policy}: the observation entry {entry.name} has the name of "
-                "another input or output of the ONNX file",
-                "rename the entry and train again, or export to .ludus.json",
-            )
+    check_names(model)
     graph = OnnxGraph()
     features = _features(graph, model)
     outputs: list[ValueInfoProto] = []
@@ -86,6 +80,21 @@ def to_onnx(model: PolicyModel) -> onnx.ModelProto:
     outputs += _discrete(graph, model)
     outputs += _continuous(graph, model)
     return _checked(graph, model, outputs)
+
+
+def check_names(model: PolicyModel) -> None:
+    """Refuse an observation entry that has the name of another input or output.
+
+    Raises:
+        RunError: It names the entry.
+    """
+    for entry in model.observation:
+        if entry.name in RESERVED:
+            raise RunError(
+                f"policy {model.policy}: the observation entry {entry.name} has the name of "
+                "another input or output of the ONNX file",
+                "rename the entry and train again, or export to .ludus.json",
+            )
 
 
 def _features(graph: OnnxGraph, model: PolicyModel) -> str:
@@ -183,6 +192,11 @@ def _checked(
         producer_name="ludus",
         producer_version=__version__,
     )
+    return with_metadata(proto, model)
+
+
+def with_metadata(proto: onnx.ModelProto, model: PolicyModel) -> onnx.ModelProto:
+    """Add the policy's name and spec to an ONNX model, and check it."""
     spec = {
         "observation": [entry.to_json() for entry in model.observation],
         "action": [part.to_json() for part in model.action],

@@ -8,7 +8,7 @@ observations.
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from ludus.engine import InstalledEngine
 from ludus.errors import ParityError
 from ludus.export.compare import TOLERANCE, Comparison, compare
 from ludus.export.engines import BevyGame, answer_with_engine
-from ludus.export.inputs import draw_inputs
+from ludus.export.inputs import ParityInputs, draw_inputs
 from ludus.export.runtimes import (
     Answers,
     answer_with_numpy,
@@ -31,17 +31,20 @@ from ludus.networks.policy import Policy
 
 __all__ = ["ParityReport", "PolicyFiles", "has_onnx_runtime", "measure_parity", "require_parity"]
 
+Reference = Callable[[ParityInputs], Answers]
+"""Answers of a network that is not Ludus's own."""
+
 
 @dataclass(frozen=True)
 class PolicyFiles:
     """One policy in all formats that are tested.
 
     Attributes:
-        json: The ``.ludus.json``.
+        json: The ``.ludus.json``; None if that cannot hold it, which leaves NumPy and engines out.
         onnx: The ``.onnx``; None leaves ONNX Runtime out.
     """
 
-    json: Path
+    json: Path | None
     onnx: Path | None = None
 
 
@@ -68,7 +71,7 @@ def has_onnx_runtime() -> bool:
 
 
 def measure_parity(
-    policy: Policy,
+    policy: Policy | Reference,
     model: PolicyModel,
     files: PolicyFiles,
     engine: InstalledEngine | BevyGame | None,
@@ -77,8 +80,8 @@ def measure_parity(
     """Ask every runtime and compare its answers with those of PyTorch.
 
     Args:
-        policy: The trained network.
-        model: What was exported.
+        policy: The trained network, or what answers as it does.
+        model: What was exported, or its outline.
         files: Where.
         engine: Godot or a Bevy game; None leaves the engine out.
         recorded: Observations from the training, per entry ``dtype[n, *shape]``; may be empty.
@@ -87,11 +90,14 @@ def measure_parity(
         EngineError: The engine failed.
     """
     inputs = draw_inputs(model, recorded)
-    expected = answer_with_torch(policy, inputs)
-    answers: dict[str, Answers] = {"NumPy": answer_with_numpy(files.json, inputs)}
+    is_ours = isinstance(policy, Policy)
+    expected = answer_with_torch(policy, inputs) if is_ours else policy(inputs)
+    answers: dict[str, Answers] = {}
+    if files.json is not None:
+        answers["NumPy"] = answer_with_numpy(files.json, inputs)
     if files.onnx is not None:
         answers["ONNX Runtime"] = answer_with_onnx(files.onnx, inputs)
-    if engine is not None:
+    if engine is not None and files.json is not None:
         is_bevy = isinstance(engine, BevyGame)
         name = "Bevy" if is_bevy else f"Godot {'.'.join(map(str, engine.version))}"
         answers[name] = answer_with_engine(engine, files.json, model, inputs)

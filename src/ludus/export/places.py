@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from ludus.errors import ConfigError
@@ -45,7 +45,9 @@ def format_of(path: Path) -> str:
     )
 
 
-def place_files(policies: Sequence[str], to: str | None, run: Path) -> list[Path]:
+def place_files(
+    policies: Sequence[str], to: str | None, run: Path, others: Collection[str] = ()
+) -> list[Path]:
     """Return the file of each policy.
 
     Args:
@@ -53,14 +55,21 @@ def place_files(policies: Sequence[str], to: str | None, run: Path) -> list[Path
         to: A file, if there is one policy; a folder (it exists, or ends in a slash); a pattern
             with ``{policy}``; None is the run's folder.
         run: Folder of the run.
+        others: Policies that go into a folder as ``.onnx``, as ``.ludus.json`` cannot hold them.
 
     Raises:
         ConfigError: The format is unknown, or two policies would share a file.
     """
-    pattern = str(run / f"{PLACEHOLDER}{JSON}") if to is None else to
-    if to is not None and _is_folder(to):
-        pattern = str(Path(to) / f"{PLACEHOLDER}{JSON}")
-    paths = [Path(pattern.replace(PLACEHOLDER, _as_file_name(name))) for name in policies]
+    if to is None or _is_folder(to):
+        folder = run if to is None else Path(to)
+        suffixes = [ONNX if name in others else JSON for name in policies]
+        patterns = [str(folder / f"{PLACEHOLDER}{suffix}") for suffix in suffixes]
+    else:
+        patterns = [to] * len(policies)
+    paths = [
+        Path(pattern.replace(PLACEHOLDER, _as_file_name(name)))
+        for pattern, name in zip(patterns, policies, strict=True)
+    ]
     for path in paths:
         format_of(path)
     if len(set(paths)) < len(paths):

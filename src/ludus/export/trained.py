@@ -11,6 +11,7 @@ from typing import Any, cast
 from numpy.typing import NDArray
 
 from ludus.errors import CheckpointError, ConfigError, did_you_mean
+from ludus.networks.own_network import MakeNetwork
 from ludus.networks.policy import Policy
 from ludus.runs.checkpoint import Checkpoint
 from ludus.runs.saved import find_checkpoint, load_policies
@@ -46,13 +47,19 @@ class TrainedPolicy:
     recorded: dict[str, NDArray[Any]]
 
 
-def load_trained(run: Path, choice: str = "newest", only: str | None = None) -> list[TrainedPolicy]:
+def load_trained(
+    run: Path,
+    choice: str = "newest",
+    only: str | None = None,
+    networks: Mapping[str, MakeNetwork] | None = None,
+) -> list[TrainedPolicy]:
     """Return the policies of a run.
 
     Args:
         run: A run folder, or one of its checkpoints.
         choice: As for :func:`~ludus.runs.saved.find_checkpoint`.
         only: Name of the one policy to load; None loads all.
+        networks: What the run was trained with in the place of Ludus's networks.
 
     Raises:
         CheckpointError: There is no such run or checkpoint, or it is corrupt.
@@ -64,7 +71,7 @@ def load_trained(run: Path, choice: str = "newest", only: str | None = None) -> 
         raise ConfigError(f"{path} has no policy {only}", hint)
     names = list(checkpoint.specs) if only is None else [only]
     specs = {name: _spec(checkpoint, name, path) for name in names}
-    policies = load_policies(path, specs)
+    policies = load_policies(path, specs, networks)
     return [
         TrainedPolicy(specs[name], policies[name], _recorded(checkpoint, specs[name]))
         for name in names

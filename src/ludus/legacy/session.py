@@ -8,12 +8,16 @@ from collections.abc import Mapping, Sequence
 from types import TracebackType
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ludus.errors import GameError, SequenceError, UsageError
 from ludus.legacy.game import LegacyGame
 from ludus.legacy.world import POLICY, LegacyWorld, read_declaration
 from ludus.spec import PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batches, StepTimes
 from ludus.spec.finite import check_finite
+from ludus.wire.requests import MetricSummary
 from ludus.wire.reset import ResetAction, ResetRequest
 
 __all__ = ["LegacySession"]
@@ -133,6 +137,10 @@ class LegacySession:
         self._times = StepTimes(self._num_steps_in_all, *(part // 1000 for part in parts))
         return self._batches
 
+    def hold(self, worlds: NDArray[np.bool_]) -> bool:
+        """False: a step is one of the only world."""
+        return False
+
     def call(self, target: Mapping[str, Any], method: str, arguments: Sequence[Any] = ()) -> Any:
         """Call a method that the bridge offers, on ``{"world": 0}``; return its value.
 
@@ -165,6 +173,10 @@ class LegacySession:
     def take_requests(self) -> list[dict[str, Any]]:
         """Return nothing: these games ask nothing of their trainer."""
         return []
+
+    def take_metrics(self) -> dict[str, MetricSummary]:
+        """Return nothing: these games report no metrics."""
+        return {}
 
     def show_status(self, status: Mapping[str, Any]) -> None:
         """Do nothing: these games do not watch their training."""

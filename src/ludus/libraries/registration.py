@@ -27,6 +27,9 @@ ENVIRONMENT_IDS = {
 }
 """Gymnasium's id → bundled example. ``tag`` has two policies, which Gymnasium knows nothing of."""
 
+AGENTS_PER_WORLD = {"ball_chase": 16}
+"""Of examples with several agents, so that these need not be started to be asked."""
+
 GYM_GODOT_IDS = ("ludus/GymGodot-v0", "server-v0")
 """Our id and GymGodot's own, so that old programs find it."""
 

@@ -13,7 +13,7 @@ from ludus.errors import ActionError
 from ludus.spec import ContinuousAction, DiscreteAction, ObservationEntry, PolicySpec
 from ludus.spec.batch import ActionBatch
 
-__all__ = ["action_space", "observation_of", "observation_space", "to_action_batch"]
+__all__ = ["action_space", "actions_of", "observation_of", "observation_space", "to_action_batch"]
 
 FLAT_ENTRY = "observation"
 
@@ -66,6 +66,25 @@ def to_action_batch(policy: PolicySpec, actions: Any, num_agents: int) -> Action
         )
     _check(policy, batch)
     return batch
+
+
+def actions_of(policy: PolicySpec, batch: ActionBatch) -> Any:
+    """Return actions in wire form as batched actions of :func:`action_space`; no copies."""
+    discrete, continuous = batch.discrete, batch.continuous
+    if policy.continuous_size and policy.nvec:
+        parts: dict[str, NDArray[Any]] = {}
+        choice = start = 0
+        for part in policy.action:
+            if isinstance(part, DiscreteAction):
+                parts[part.name] = discrete[:, choice]
+                choice += 1
+            else:
+                parts[part.name] = continuous[:, start : start + part.size]
+                start += part.size
+        return parts
+    if policy.continuous_size:
+        return continuous
+    return discrete[:, 0] if policy.num_discrete == 1 else discrete
 
 
 def is_flat(policy: PolicySpec) -> bool:

@@ -64,6 +64,8 @@ class ObservationEncoder(nn.Module):
 
     Attributes:
         vector_size: Elements of all other entries in sum.
+        vector_shapes: Their shapes by name, in order.
+        image_names: Of the image entries.
         image_shapes: ``(height, width, channels)`` of each image entry.
     """
 
@@ -71,8 +73,8 @@ class ObservationEncoder(nn.Module):
         super().__init__()
         images = [entry for entry in entries if is_image(entry)]
         vectors = [entry for entry in entries if not is_image(entry)]
-        self._image_names = [entry.name for entry in images]
-        self._vector_names = [entry.name for entry in vectors]
+        self.image_names = [entry.name for entry in images]
+        self.vector_shapes = {entry.name: entry.shape for entry in vectors}
         self.vector_size = sum(entry.size for entry in vectors)
         shapes = map(image_shape, images)
         self.image_shapes = [(height, width, channels) for channels, height, width in shapes]
@@ -83,7 +85,7 @@ class ObservationEncoder(nn.Module):
         vector = self.join(observation)
         if self.normaliser is not None:
             vector = self.normaliser(vector)
-        images = (observation[name] for name in self._image_names)
+        images = (observation[name] for name in self.image_names)
         shaped = [
             _channels_together(image, shape)
             for image, shape in zip(images, self.image_shapes, strict=True)
@@ -92,11 +94,11 @@ class ObservationEncoder(nn.Module):
 
     def join(self, observation: Mapping[str, Tensor]) -> Tensor:
         """Return all vector entries, flat and joined: ``float32[n, vector_size]``."""
-        parts = [observation[name].flatten(1) for name in self._vector_names]
+        parts = [observation[name].flatten(1) for name in self.vector_shapes]
         if len(parts) == 1:
             return parts[0].float()
         if not parts:
-            image = observation[self._image_names[0]]
+            image = observation[self.image_names[0]]
             return torch.zeros(len(image), 0, device=image.device)
         return torch.cat([part.float() for part in parts], 1)
 

@@ -9,6 +9,7 @@ from torch import Tensor, nn
 
 from ludus.networks.distributions import ActionHead, GaussianShape
 from ludus.networks.networks import FeatureTorso, Inputs, ObservationEncoder, perceptron
+from ludus.networks.own_network import MakeNetwork, OwnTorso
 from ludus.networks.tensors import as_tensor, as_tensors
 from ludus.settings.policy_config import PolicyConfig, PPOConfig
 from ludus.spec import PolicySpec
@@ -19,6 +20,11 @@ __all__ = ["Player", "Policy"]
 
 class Policy(nn.Module):
     """Actor network, observation statistics and action distribution of one policy.
+
+    Args:
+        spec: What it observes and does.
+        config: Its settings.
+        make_network: Makes the torso; None: Ludus's own.
 
     Attributes:
         spec: What it observes and does.
@@ -31,12 +37,15 @@ class Policy(nn.Module):
         head: The action distribution.
     """
 
-    def __init__(self, spec: PolicySpec, config: PolicyConfig) -> None:
+    def __init__(
+        self, spec: PolicySpec, config: PolicyConfig, make_network: MakeNetwork | None = None
+    ) -> None:
         super().__init__()
         self.spec = spec
+        self._make_network = make_network
         self.encoder = ObservationEncoder(spec.observation, config.normalise_observation)
         self.head = ActionHead(spec, _gaussian_shape(config))
-        self.torso = FeatureTorso(self.encoder)
+        self.torso = self.make_torso()
         self.memory_size = config.memory_size if isinstance(config, PPOConfig) else 0
         self.memory = _gru(self.torso.size, self.memory_size) if self.memory_size else None
         sizes = (self.memory_size or self.torso.size, *config.hidden_sizes, self.head.num_outputs)
@@ -54,6 +63,12 @@ class Policy(nn.Module):
     def feature_size(self) -> int:
         """Elements of what the actor looks at."""
         return self.memory_size or self.torso.size
+
+    def make_torso(self) -> FeatureTorso | OwnTorso:
+        """Return another torso like that of the policy, with weights of its own."""
+        if self._make_network is None:
+            return FeatureTorso(self.encoder)
+        return OwnTorso(self._make_network, self.spec, self.encoder)
 
     def features(self, inputs: Inputs) -> Tensor:
         """Return ``float32[n, torso.size]``, what memory or actor look at."""

@@ -13,15 +13,19 @@ from ludus.errors import ConfigError
 from ludus.model import ModelRunner, read_model
 from ludus.play.random_actions import RandomActions
 from ludus.pool.interface import Pool
+from ludus.spec import PolicySpec
 from ludus.spec.batch import ActionBatch, Batch, Batches
 
 if TYPE_CHECKING:
+    from ludus.networks.own_network import MakeNetwork
     from ludus.networks.policy import Policy
 
 __all__ = [
     "Act",
+    "FilePlayer",
     "MakePlayer",
     "Stochastic",
+    "check_trained_for",
     "load_player",
     "random_player",
     "trained_player",
@@ -76,7 +80,11 @@ def trained_player(
 
 
 def load_player(
-    paths: Sequence[Path], pool: Pool, seed: int, stochastic: Stochastic = False
+    paths: Sequence[Path],
+    pool: Pool,
+    seed: int,
+    stochastic: Stochastic = False,
+    networks: Mapping[str, MakeNetwork] | None = None,
 ) -> Act:
     """Act as a run or policy files say.
 
@@ -86,6 +94,7 @@ def load_player(
         pool: Where they act.
         seed: Of drawn actions.
         stochastic: Which policies draw their actions.
+        networks: What the run was trained with in the place of Ludus's networks.
 
     Raises:
         CheckpointError: The run has no checkpoint, or was trained for something else.
@@ -96,10 +105,11 @@ def load_player(
     if len(paths) == 1 and paths[0].is_dir():
         from ludus.runs.saved import load_policies
 
-        return trained_player(load_policies(paths[0], pool.policies), pool, seed, stochastic)
+        policies = load_policies(paths[0], pool.policies, networks)
+        return trained_player(policies, pool, seed, stochastic)
     drawing = _drawing(stochastic, pool)
     return _join({
-        name: _FilePlayer(runner, np.random.default_rng((seed, i)) if name in drawing else None)
+        name: FilePlayer(runner, np.random.default_rng((seed, i)) if name in drawing else None)
         for i, (name, runner) in enumerate(_read_files(paths, pool).items())
     })  # fmt: skip
 
@@ -138,16 +148,30 @@ def _read_files(files: Sequence[Path], pool: Pool) -> dict[str, ModelRunner]:
             hint="name one file for each policy, each with its own --policy",
         )
     for name, spec in pool.policies.items():
-        if runners[name].model.fingerprint != spec.fingerprint():
-            raise ConfigError(
-                f"the policy {name} was trained for other observations or actions than the game's",
-                hint="was the game changed since? train it again",
-            )
+        check_trained_for(runners[name], spec)
     return {name: runners[name] for name in pool.policies}
 
 
-class _FilePlayer:
-    """Plays a policy file, and forgets where an episode has ended."""
+def check_trained_for(runner: ModelRunner, spec: PolicySpec) -> None:
+    """Refuse a policy that was trained for something else.
+
+    Raises:
+        ConfigError: Its observations or actions are not those of ``spec``.
+    """
+    if runner.model.fingerprint != spec.fingerprint():
+        raise ConfigError(
+            f"the policy {spec.name} was trained for other observations or actions than the game's",
+            hint="was the game changed since? train it again",
+        )
+
+
+class FilePlayer:
+    """Plays a policy file, and forgets where an episode has ended.
+
+    Args:
+        runner: Of the file.
+        generator: Draws actions; None takes the most probable ones.
+    """
 
     def __init__(self, runner: ModelRunner, generator: np.random.Generator | None) -> None:
         self._runner = runner
@@ -155,6 +179,7 @@ class _FilePlayer:
         self._memory: NDArray[Any] | None = None
 
     def act(self, batch: Batch) -> ActionBatch:
+        """Return the actions on what a batch shows."""
         if self._memory is not None:
             self._memory[batch.final_index] = 0.0
         actions, self._memory = self._runner.act(

@@ -24,6 +24,7 @@ from ludus.errors import (
 from ludus.session import Session
 from ludus.spec import PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batch, Batches, StepTimes
+from ludus.wire.requests import MetricSummary, add_metrics
 from ludus.wire.reset import Parameters, ResetAction, ResetRequest
 
 __all__ = ["EnginePool"]
@@ -68,8 +69,7 @@ class EnginePool:
         self._spec = self._sessions[0].spec
         for engine in range(num_engines):
             self._check_spec(engine)
-        num_worlds = self._spec.num_worlds * num_engines
-        self._parameters: list[Mapping[str, Any] | None] = [None] * num_worlds
+        self._parameters: list[Mapping[str, Any] | None] = [None] * self.num_worlds
         self._policies = {policy.name: policy for policy in self._spec.policies}
         self._last: list[Batches | None] = [None] * num_engines
         self._is_lost = [False] * num_engines
@@ -115,14 +115,22 @@ class EnginePool:
         size = self._policies[policy].num_agents
         return slice(engine * size, (engine + 1) * size)
 
+    @property
+    def num_worlds(self) -> int:
+        """Number of worlds over all engines."""
+        return self._spec.num_worlds * self.num_engines
+
     def reset(self, seed: int | None = None, parameters: Parameters = None) -> Batches:
         """Begin a new episode in every world; see :meth:`ludus.pool.Pool.reset`."""
-        num = self._spec.num_worlds * self.num_engines
+        return self.reset_worlds(self.request_all(seed, parameters))
+
+    def request_all(self, seed: int | None = None, parameters: Parameters = None) -> ResetRequest:
+        """Return what :meth:`reset` asks for; a first one without a seed gets one here."""
         if seed is None and self._last[0] is None:
             seed = self._seed
         if seed is not None:
             self._seed = seed
-        return self.reset_worlds(ResetRequest.all_worlds(num, seed, parameters))
+        return ResetRequest.all_worlds(self.num_worlds, seed, parameters)
 
     def reset_worlds(self, request: ResetRequest) -> Batches:
         """Begin new episodes in some of the worlds of all engines; returns copies.
@@ -172,14 +180,34 @@ class EnginePool:
         self._last[engine] = batches
         return batches
 
-    def step(self, actions: Mapping[str, ActionBatch]) -> Batches:
-        """Step all engines; returns copies."""
+    def step(
+        self, actions: Mapping[str, ActionBatch], still: NDArray[np.bool_] | None = None
+    ) -> Batches:
+        """Step all engines; returns copies.
+
+        Args:
+            actions: Of all slots, by policy.
+            still: ``bool[num_worlds]`` over all engines: worlds that take no part. They stand still
+                where the session can let them; elsewhere they play a step that counts for nothing
+                and then begin another episode, which takes a second message. None: all take part.
+        """
+        moving = [
+            session
+            for engine, session in enumerate(self._sessions)
+            if still is not None and not session.hold(still[self._worlds(engine)])
+        ]
         for engine in range(self.num_engines):
             own = {name: actions[name].rows(self.rows(name, engine)) for name in self._policies}
             self.send(engine, own)
         for engine in range(self.num_engines):
             self.receive(engine)
-        return self._joined()
+        batches = self._joined()
+        if still is not None:
+            for engine, session in enumerate(self._sessions):
+                if session in moving:  # and not one that was started again meanwhile
+                    self._begin_again(engine, still, batches)
+            self._drop_outcomes(still, batches)
+        return batches
 
     def call(
         self, target: Mapping[str, Any], method: str, arguments: Sequence[Any] = ()
@@ -200,6 +228,19 @@ class EnginePool:
                 self._note_loss(engine, error)
             else:
                 taken += [request for request in requests if request not in taken]
+        return taken
+
+    def take_metrics(self) -> dict[str, MetricSummary]:
+        """Fetch what the games have reported; see :meth:`ludus.pool.Pool.take_metrics`."""
+        self._check_idle("take_metrics")
+        taken: dict[str, MetricSummary] = {}
+        for engine, session in enumerate(self._sessions):
+            if self._is_lost[engine]:
+                continue
+            try:
+                taken = add_metrics(taken, session.take_metrics())
+            except _RESTARTABLE as error:
+                self._note_loss(engine, error)
         return taken
 
     def show_status(self, status: Mapping[str, Any]) -> None:
@@ -230,6 +271,34 @@ class EnginePool:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _begin_again(self, engine: int, still: NDArray[np.bool_], batches: Batches) -> None:
+        """Begin new episodes in the worlds of an engine that should have stood still."""
+        own = still[self._worlds(engine)]
+        if not own.any() or self._is_lost[engine]:
+            return
+        actions = np.where(own, ResetAction.NEXT_EPISODE, ResetAction.LEAVE).astype(np.uint8)
+        try:
+            fresh = self._sessions[engine].reset(ResetRequest(np.zeros(len(own), "u8"), actions))
+        except _RESTARTABLE as error:
+            # The next step finds the engine lost, and reports all of its episodes as truncated.
+            self._note_loss(engine, error)
+            return
+        self._last[engine] = fresh
+        for name, policy in self._policies.items():
+            rows = np.repeat(own, policy.agents_per_world)
+            _copy_state(fresh[name], batches[name], rows, self.rows(name, engine))
+
+    def _drop_outcomes(self, still: NDArray[np.bool_], batches: Batches) -> None:
+        for name, policy in self._policies.items():
+            batch, rows = batches[name], np.repeat(still, policy.agents_per_world)
+            batch.reward[rows] = 0.0
+            batch.terminated[rows] = batch.truncated[rows] = False
+            kept = ~rows[batch.final_index]
+            batch.final_index = batch.final_index[kept]
+            batch.final_observation = {
+                entry: values[kept] for entry, values in batch.final_observation.items()
+            }
 
     def _joined(self) -> Batches:
         parts = [batches for batches in self._last if batches is not None]
@@ -370,6 +439,15 @@ def _join(parts: list[Batch], policy: PolicySpec) -> Batch:
             for e in policy.observation
         },
     )
+
+
+def _copy_state(fresh: Batch, joined: Batch, rows: NDArray[np.bool_], place: slice) -> None:
+    """Copy what some slots of an engine see into the batch over all engines."""
+    for entry, values in fresh.observation.items():
+        joined.observation[entry][place][rows] = values[rows]
+    joined.active[place][rows] = fresh.active[rows]
+    if joined.action_mask is not None and fresh.action_mask is not None:
+        joined.action_mask[place][rows] = fresh.action_mask[rows]
 
 
 def _stacked(arrays: list[NDArray[Any]]) -> NDArray[Any]:

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 from ludus.spec import PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batches, StepTimes
+from ludus.wire.requests import MetricSummary
 
 __all__ = ["Pool"]
 
@@ -92,6 +93,21 @@ class Pool(Protocol):
             Objects such as ``{"kind": "set_mode", "policy": "hero", "mode": "frozen"}``, engine by
             engine, oldest first; equal ones of several engines once. What is checked, and what
             is not: :func:`ludus.wire.requests.read_requests`.
+
+        Raises:
+            SequenceError: An answer was not received yet.
+            EngineError: An engine failed and may not be restarted again.
+        """
+        ...
+
+    def take_metrics(self) -> dict[str, MetricSummary]:
+        """Fetch what the games have reported since the last time (PROTOCOL.md §8), by name.
+
+        Call it between two steps, as :meth:`take_requests`. One round trip for each engine whose
+        game can report metrics.
+
+        Returns:
+            The metrics of all engines together.
 
         Raises:
             SequenceError: An answer was not received yet.

@@ -48,13 +48,20 @@ _NOT_OF_BRIDGES = (*_NOT_OF_ENVIRONMENTS, "num_worlds", "launch")
 """Settings that mean nothing to a game of a legacy bridge."""
 
 
-def open_pool(target: str | Path | Target, config: PoolConfig | None = None) -> EnginePool:
+def open_pool(
+    target: str | Path | Target,
+    config: PoolConfig | None = None,
+    *,
+    render_mode: str | None = None,
+) -> EnginePool:
     """Start the engines of ``target`` and return them as one environment.
 
     Args:
         target: What docs/targets.md lists, as text or already parsed. With a parsed target,
             ``scene`` and ``godot`` of ``config`` are not read.
         config: Engines and worlds.
+        render_mode: Of environments of Gymnasium; None: ``"human"`` where ``config`` asks for a
+            window.
 
     Raises:
         ConfigError: A setting is out of range, or means nothing to this target.
@@ -68,7 +75,7 @@ def open_pool(target: str | Path | Target, config: PoolConfig | None = None) -> 
     check_accepted("open_pool", target)
     match target:
         case Gymnasium():
-            return _open_environments(target, config)
+            return _open_environments(target, config, render_mode)
         case Legacy():
             return _open_legacy_games(target, config)
         case Run() | PolicyFile():
@@ -103,11 +110,13 @@ def _read_token(path: Path) -> str:
         ) from error
 
 
-def _open_environments(target: Gymnasium, config: PoolConfig) -> EnginePool:
+def _open_environments(
+    target: Gymnasium, config: PoolConfig, render_mode: str | None
+) -> EnginePool:
     if config.layout == "isolated":  # as it is anyway
         config = replace(config, layout="scene")
     _refuse_changed(config, _NOT_OF_ENVIRONMENTS, f"{target.name} has no engine", "leave it out")
-    render_mode = "human" if config.launch.is_windowed else None
+    render_mode = render_mode or ("human" if config.launch.is_windowed else None)
     # All are made here, as an environment may hold what belongs to the thread that made it; and
     # only once, as one that fails would fail again.
     sessions = [

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.errors import ConfigError, RunError, SetupError, UsageError
+from ludus.errors import ConfigError, RunError, UsageError
+from ludus.extras import missing_extra
 from ludus.record.film_kinds import FilmKind, film_kind
 
 if TYPE_CHECKING:
@@ -175,7 +176,7 @@ def check_out(path: Path) -> FilmKind:
     if path.is_dir() or not os.access(path.parent, os.W_OK):
         raise ConfigError(f"the film {path} cannot be written", hint="name another file with --out")
     if find_spec("av") is None:
-        raise SetupError("writing films needs the package av", hint="pip install ludus-rl[record]")
+        raise missing_extra("av")
     return kind
 
 

@@ -64,12 +64,13 @@ def take_picture(pool: EnginePool, world: int = 0) -> Frame:
         EngineError: The game failed.
     """
     try:
-        answer = pool.call({"world": world}, METHOD)[0]
+        engine, local = divmod(world, pool.spec.num_worlds)
+        answer = pool.sessions[engine].call({"world": local}, METHOD)
     except GameError as error:
         raise TargetError(
             f"the game gives no pictures: {error.message}",
-            hint="films of a Bevy game need its feature camera and a LudusFilmCamera in each world "
-            "(docs/cameras.md); of a Godot game, film the project",
+            hint="a Bevy game needs its feature camera and a LudusFilmCamera in each world "
+            "(docs/cameras.md); Godot 3 gives none; ludus record films the project of a Godot game",
         ) from error
     pictures = cast("list[Any]", answer) if isinstance(answer, list) else [answer]
     frames = [_decode(picture) for picture in pictures]

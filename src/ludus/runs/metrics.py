@@ -1,7 +1,8 @@
 """What is measured while training: one JSON object per update, and the same for TensorBoard.
 
 :data:`METRICS` documents every one. In ``metrics.jsonl`` those of a policy stand under
-``policies.<name>``; TensorBoard calls them ``<name>/<metric>``.
+``policies.<name>``, and what the game reports under ``game.<name>``; TensorBoard and the trackers
+of :mod:`ludus.runs.tracking` call them ``<name>/<metric>`` and ``game/<name>/<metric>``.
 """
 
 from __future__ import annotations
@@ -10,13 +11,14 @@ import importlib
 import json
 import socket
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from tensorboard.summary.writer.record_writer import RecordWriter
 
 from ludus.disk import disk_errors, write_atomically
+from ludus.runs.tracking import Tracker
 
 __all__ = ["METRICS", "POLICY_METRICS", "MetricsLog", "read_metrics"]
 
@@ -73,12 +75,13 @@ last update (SAC)."""
 
 
 class MetricsLog:
-    """Writes metrics to ``metrics.jsonl`` and to an event file for TensorBoard.
+    """Writes metrics to ``metrics.jsonl``, to an event file for TensorBoard, and to trackers.
 
     On a resumed run, call :meth:`forget_after` first.
     """
 
-    def __init__(self, folder: Path, first_step: int = 0) -> None:
+    def __init__(self, folder: Path, first_step: int = 0, trackers: Sequence[Tracker] = ()) -> None:
+        self._trackers = trackers
         self._path = folder / "metrics.jsonl"
         with disk_errors(str(self._path)):
             self._lines = self._path.open("ab")
@@ -94,19 +97,38 @@ class MetricsLog:
         with disk_errors(str(path)):
             write_atomically(path, text.encode())
 
-    def write(self, metrics: Mapping[str, float], policies: Mapping[str, dict[str, float]]) -> None:
-        """Write one update's metrics; ``metrics["agent_steps"]`` is the x axis."""
-        line = json.dumps({**metrics, "policies": policies}) + "\n"
+    def write(
+        self,
+        metrics: Mapping[str, float],
+        policies: Mapping[str, Mapping[str, float]],
+        game: Mapping[str, Mapping[str, float]] | None = None,
+    ) -> None:
+        """Write one update's metrics; ``metrics["agent_steps"]`` is the x axis.
+
+        Args:
+            metrics: Of the run.
+            policies: Of each policy.
+            game: Of each name that the game has reported.
+        """
+        values = {**metrics, "policies": policies} | ({"game": game} if game else {})
+        line = json.dumps(values) + "\n"
         with disk_errors(str(self._path)):
             self._lines.write(line.encode())
             self._lines.flush()
         scalars = {f"run/{name}": value for name, value in metrics.items()}
         for policy, values in policies.items():
             scalars |= {f"{policy}/{name}": value for name, value in values.items()}
-        self._events.write(int(metrics["agent_steps"]), scalars)
+        for name, own in (game or {}).items():
+            scalars |= {f"game/{name}/{key}": value for key, value in own.items()}
+        step = int(metrics["agent_steps"])
+        self._events.write(step, scalars)
+        for tracker in self._trackers:
+            tracker.write(step, scalars)
 
     def close(self) -> None:
-        """Close both files."""
+        """Close both files and all trackers."""
+        for tracker in self._trackers:
+            tracker.close()
         with disk_errors(str(self._path)):
             self._lines.close()
         self._events.close()
@@ -127,7 +149,10 @@ class _EventFile:
         self._records: Any = RecordWriter(self._file)
         self._write(_events.Event(wall_time=time.time(), file_version="brain.Event:2"))
         start = _events.SessionLog(status=_events.SessionLog.START)
-        self._write(_events.Event(wall_time=time.time(), step=first_step, session_log=start))
+        # TensorBoard drops the points of older files from this step on; that of ``first_step``
+        # itself is the last one before the resumption.
+        step = first_step + 1
+        self._write(_events.Event(wall_time=time.time(), step=step, session_log=start))
 
     def write(self, step: int, scalars: Mapping[str, float]) -> None:
         """Write scalars by tag."""

@@ -36,9 +36,10 @@ from ludus.locks import LockHeld, file_lock
 
 if TYPE_CHECKING:
     from ludus.runs.checkpoint import CheckpointStore
+    from ludus.settings.merging import Layer
     from ludus.settings.train_config import TrainConfig
 
-__all__ = ["RunFolder"]
+__all__ = ["RunFolder", "stack_layers"]
 
 LOCK = ".lock"
 LOCK_TIMEOUT_S = 1.0
@@ -78,6 +79,11 @@ class RunFolder:
                         ) from None
                 attempt += 1
                 path = config.runs / f"{stem}-{attempt}"
+
+    @staticmethod
+    def stem(target: str) -> str:
+        """Return what a folder is called that has something to do with a target."""
+        return _slug(target)
 
     @classmethod
     def find(cls, path: Path) -> RunFolder:
@@ -196,6 +202,31 @@ class RunFolder:
         files = (path for path in self.path.rglob("*") if path.is_file() and path.name != LOCK)
         if all(but is not None and path.is_relative_to(but) for path in files):
             shutil.rmtree(self.path, ignore_errors=True)
+
+
+def stack_layers(
+    last: Layer, *, config: Path | None = None, run: RunFolder | None = None
+) -> tuple[Layer, ...]:
+    """Return the layers of settings of a run, earlier ones first.
+
+    Args:
+        last: What was typed, or what a script says.
+        config: TOML file, or the ``config.json`` of a run.
+        run: The run that goes on.
+
+    Raises:
+        ConfigError: A file cannot be read or is malformed.
+    """
+    from ludus.settings.merging import Layer
+    from ludus.settings.plain import read_file
+
+    layers: list[Layer] = []
+    if run is not None:
+        saved = read_file(run.path / "config.json")
+        layers.append(Layer(f"run {run.path}", saved, is_saved=True))
+    if config is not None:
+        layers.append(Layer(f"file {config}", read_file(config), config.suffix == ".json"))
+    return (*layers, last)
 
 
 def _slug(target: str) -> str:

@@ -16,12 +16,13 @@ __all__ = ["PolicySummary", "RunState", "RunSummary", "StopReason", "list_runs",
            "sample_metrics"]  # fmt: skip
 
 StopReason = Literal["total_steps", "max_time", "target_return", "stopped", "interrupted"]
-"""Why training ended; ``stopped`` by the game or ``ludus control``, ``interrupted`` by a signal."""
+"""Why training ended; ``stopped`` by the game, ``ludus control`` or a callback, ``interrupted`` by
+a signal."""
 
-RunState = Literal["running", "finished", "stopped", "interrupted", "diverged", "crashed"]
-"""``running``: a process holds it; ``finished``: a limit was reached; ``stopped``: by the game or
-``ludus control``; ``interrupted``: by a signal; ``diverged``: a loss became NaN; ``crashed``: it
-ended without saying how."""
+RunState = Literal["running", "finished", "stopped", "interrupted", "diverged", "failed", "crashed"]
+"""``running``: a process holds it; ``finished``: a limit was reached; ``stopped``: by the game,
+``ludus control`` or a callback; ``interrupted``: by a signal; ``diverged``: a loss became NaN;
+``failed``: by an error, of a callback or of the game; ``crashed``: it ended without saying how."""
 
 CURVE_POINTS = 48
 MAX_BYTES = MAX_LINE_BYTES = 1 << 20
@@ -137,7 +138,7 @@ def _policy(
 
 
 def _state(reason: object) -> RunState:
-    if reason in {"stopped", "interrupted", "diverged"}:
+    if reason in {"stopped", "interrupted", "diverged", "failed"}:
         return cast(RunState, reason)
     return "finished" if reason in REASONS else "crashed"
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ludus.errors import CheckpointError
+from ludus.networks.own_network import PREFIX, MakeNetwork
 from ludus.networks.policy import Policy
 from ludus.networks.tensors import load_tensors
 from ludus.runs.checkpoint import Checkpoint, check_spec, read_checkpoint
@@ -33,20 +34,28 @@ def trained_config(run: Path, **changes: Any) -> TrainConfig:
     return replace(RunFolder.find(run).read_config(), **given)
 
 
-def load_policies(run: Path, policies: Mapping[str, PolicySpec]) -> dict[str, Policy]:
+def load_policies(
+    run: Path | str,
+    policies: Mapping[str, PolicySpec],
+    networks: Mapping[str, MakeNetwork] | None = None,
+) -> dict[str, Policy]:
     """Return trained policies by name.
 
     Args:
         run: A run folder, whose newest checkpoint is taken, or one of its checkpoints.
         policies: What the game declares; ``pool.policies``.
+        networks: What the run was trained with in the place of Ludus's networks.
 
     Raises:
         CheckpointError: There is no such run, no checkpoint can be loaded, or it was trained for
             other observations or actions.
     """
-    path, checkpoint = find_checkpoint(run)
+    path, checkpoint = find_checkpoint(Path(run))
     check_spec(checkpoint.fingerprints, policies, path)
-    return {name: _load(checkpoint, name, spec) for name, spec in policies.items()}
+    makers = networks or {}
+    return {
+        name: _load(checkpoint, spec, makers.get(name), path) for name, spec in policies.items()
+    }
 
 
 def find_checkpoint(run: Path, choice: str = "newest") -> tuple[Path, Checkpoint]:
@@ -79,8 +88,19 @@ def find_checkpoint(run: Path, choice: str = "newest") -> tuple[Path, Checkpoint
     return store.newest()
 
 
-def _load(checkpoint: Checkpoint, name: str, spec: PolicySpec) -> Policy:
+def _load(
+    checkpoint: Checkpoint, spec: PolicySpec, make_network: MakeNetwork | None, path: Path
+) -> Policy:
+    name = spec.name
+    tensors = checkpoint.learners[name].tensors
+    has_own = any(tensor.startswith(f"policy.{PREFIX}") for tensor in tensors)
+    if has_own and make_network is None:
+        raise CheckpointError(
+            f"{path}: policy {name} has a network that a script made, which no file holds",
+            f'in Python, networks={{"{name}": …}} says how it is made; an .onnx file of it runs '
+            "without that (docs/python.md)",
+        )
     settings = saved_policy(checkpoint.config["policies"][name], f"policies.{name}")
-    policy = Policy(spec, settings)
-    load_tensors(policy, checkpoint.learners[name].tensors, "policy.")
+    policy = Policy(spec, settings, make_network if has_own else None)
+    load_tensors(policy, tensors, "policy.")
     return policy.eval()

@@ -6,6 +6,9 @@ import contextlib
 from collections.abc import Generator, Mapping, Sequence
 from typing import Any, ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ludus.errors import (
     EngineStartError,
     EngineTimeout,
@@ -26,7 +29,7 @@ from ludus.wire.error_report import error_report
 from ludus.wire.frames import FrameType, decode_json, encode_frame, encode_json
 from ludus.wire.handshake import EngineConfig, Hello, welcome
 from ludus.wire.requests import CAPABILITY as REQUESTS
-from ludus.wire.requests import read_requests
+from ludus.wire.requests import METRICS, MetricSummary, add_metrics, read_requests, split_metrics
 from ludus.wire.reset import ResetRequest
 from ludus.wire.spec_reader import read_spec
 from ludus.wire.state import ConnectionState, State
@@ -81,6 +84,8 @@ class EngineSession:
         self._state = ConnectionState()
         self._call_id = 0
         self._num_steps = 0
+        self._requests: list[dict[str, Any]] = []
+        self._metrics: dict[str, MetricSummary] = {}
         try:
             self.hello = Hello.from_json(self._receive_json(FrameType.HELLO))
             version = self._agree(token)
@@ -121,7 +126,8 @@ class EngineSession:
     @property
     def has_requests(self) -> bool:
         """Whether requests of the game were waiting as of the last answer."""
-        return self._decoder.has_requests and REQUESTS in self.hello.capabilities
+        is_told = self._decoder.has_requests and REQUESTS in self.hello.capabilities
+        return is_told or bool(self._requests)
 
     def reset(self, request: ResetRequest) -> Batches:
         """Begin new episodes (PROTOCOL.md §5).
@@ -179,6 +185,10 @@ class EngineSession:
             raise
         return batches
 
+    def hold(self, worlds: NDArray[np.bool_]) -> bool:
+        """False: a step of an engine is one of all its worlds."""
+        return False
+
     def call(self, target: Mapping[str, Any], method: str, arguments: Sequence[Any] = ()) -> Any:
         """Call a method of the game (PROTOCOL.md §8) and return its JSON value.
 
@@ -215,13 +225,29 @@ class EngineSession:
             ProtocolError: The engine's answer is not a list of requests.
             EngineError: The engine failed.
         """
-        if not self.has_requests:
-            return []
+        if self.has_requests:
+            self._fetch()
+        taken, self._requests = self._requests, []
+        return taken
+
+    def take_metrics(self) -> dict[str, MetricSummary]:
+        """Fetch what the game has reported since the last time, by name.
+
+        One round trip, for a game that can report metrics; see :meth:`take_requests`.
+        """
+        if METRICS in self.hello.capabilities:
+            self._fetch()
+        taken, self._metrics = self._metrics, {}
+        return taken
+
+    def _fetch(self) -> None:
+        """Ask for requests and metrics, which come together."""
         value = self.call(BRIDGE, "take_requests")
         with self._wrap_errors():
-            requests = read_requests(value)
+            requests, metrics = split_metrics(read_requests(value))
         self._decoder.has_requests = False
-        return requests
+        self._requests += requests
+        self._metrics = add_metrics(self._metrics, metrics)
 
     def show_status(self, status: Mapping[str, Any]) -> None:
         """Report the progress of training to the game; does nothing if it cannot show it.

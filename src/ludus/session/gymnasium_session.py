@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium
+import numpy as np
+from numpy.typing import NDArray
 
 from ludus.errors import GameError, SequenceError, TargetError
 from ludus.folder_imports import look_in_current_folder
@@ -17,6 +19,7 @@ from ludus.spec import AgentSpec, PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batch, Batches, StepTimes
 from ludus.spec.batch_rows import action_reader, clear_outcome, write_finals, write_state
 from ludus.spec.gymnasium_spec import read_action, read_observation
+from ludus.wire.requests import MetricSummary
 from ludus.wire.reset import ResetAction, ResetRequest
 
 __all__ = ["GymEnv", "GymnasiumSession", "make_environment"]
@@ -76,6 +79,7 @@ class GymnasiumSession:
         self._batch = Batch.allocate(policy, len(envs))
         self._has_reset = False
         self._pending: ActionBatch | None = None
+        self._held: NDArray[np.bool_] | None = None
         self._num_steps = 0
 
     @property
@@ -126,12 +130,15 @@ class GymnasiumSession:
             SequenceError: Nothing was sent.
         """
         actions, self._pending = self._pending, None
+        held, self._held = self._held, None
         if actions is None:
             raise SequenceError("nothing to receive", hint="call send() first")
         batch = self._batch
         clear_outcome(batch)
         finals: list[tuple[int, Any]] = []
         for row, env in enumerate(self._envs):
+            if held is not None and held[row]:
+                continue
             observation, reward, terminated, truncated, info = env.step(
                 self._to_action(actions, row)
             )
@@ -145,6 +152,15 @@ class GymnasiumSession:
             write_finals(batch, finals)
         self._num_steps += 1
         return {POLICY: batch}
+
+    def hold(self, worlds: NDArray[np.bool_]) -> bool:
+        """Let some environments stand still in the next step; returns True."""
+        self._held = worlds
+        return True
+
+    def render(self, world: int) -> Any:
+        """Return what the environment of a world renders."""
+        return self._envs[world].render()
 
     def call(self, target: Mapping[str, Any], method: str, arguments: Sequence[Any] = ()) -> Any:
         """Refuse: there is no game to call.
@@ -162,6 +178,10 @@ class GymnasiumSession:
     def take_requests(self) -> list[dict[str, Any]]:
         """Return nothing: environments ask nothing of their trainer."""
         return []
+
+    def take_metrics(self) -> dict[str, MetricSummary]:
+        """Return nothing: environments report no metrics."""
+        return {}
 
     def show_status(self, status: Mapping[str, Any]) -> None:
         """Show nothing: environments do not watch their training."""

@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ludus.spec import Spec
 from ludus.spec.batch import ActionBatch, Batches, StepTimes
+from ludus.wire.requests import MetricSummary
 from ludus.wire.reset import ResetRequest
 
 __all__ = ["Session"]
@@ -37,6 +41,17 @@ class Session(Protocol):
         """Wait for the answer to :meth:`send`; returns views that the next answer overwrites."""
         ...
 
+    def hold(self, worlds: NDArray[np.bool_]) -> bool:
+        """Let some worlds stand still in the next step: their actions are ignored, no time passes.
+
+        Args:
+            worlds: ``bool[num_worlds]``.
+
+        Returns:
+            Whether this session can; otherwise nothing has changed.
+        """
+        ...
+
     def call(self, target: Mapping[str, Any], method: str, arguments: Sequence[Any] = ()) -> Any:
         """Call a method of the game (PROTOCOL.md §8) and return its JSON value."""
         ...
@@ -48,6 +63,10 @@ class Session(Protocol):
 
     def take_requests(self) -> list[dict[str, Any]]:
         """Fetch the game's requests, oldest first (PROTOCOL.md §8)."""
+        ...
+
+    def take_metrics(self) -> dict[str, MetricSummary]:
+        """Fetch the metrics that the game has reported (PROTOCOL.md §8), by name."""
         ...
 
     def show_status(self, status: Mapping[str, Any]) -> None:

@@ -40,6 +40,8 @@ class LaunchOptions:
         is_windowed: Open a window and draw.
         has_renderer: Start an engine that can draw for the cameras of agents, with no window to
             watch. A game that has such cameras gets one anyway; this saves the attempt without.
+        gives_pictures: As ``has_renderer``, and all worlds look as in a window, so that pictures of
+            them can be asked for (PROTOCOL.md §8).
         is_real_time: Run at the speed of the game, not as fast as possible.
         cores: Cores the engine is pinned to; None: the system decides.
         log_path: File for the engine's output.
@@ -52,6 +54,7 @@ class LaunchOptions:
 
     is_windowed: bool = False
     has_renderer: bool = False
+    gives_pictures: bool = False
     is_real_time: bool = False
     cores: tuple[int, ...] | None = None
     log_path: Path | None = None
@@ -84,7 +87,7 @@ def open_session(
     try:
         return _launch(game, config, options)
     except RendererMissing:
-        if options.is_windowed or options.has_renderer:
+        if options.is_windowed or options.has_renderer or options.gives_pictures:
             raise
     return _launch(game, config, replace(options, has_renderer=True))
 
@@ -128,7 +131,9 @@ def _command(
     game: Scene | Executable, options: LaunchOptions, user_args: tuple[str, ...]
 ) -> tuple[str, ...]:
     project = game.project if isinstance(game, Scene) else None
-    has_renderer = options.is_windowed or options.has_renderer
+    has_renderer = options.is_windowed or options.has_renderer or options.gives_pictures
+    if options.gives_pictures:
+        user_args = (*user_args, "--ludus-pictures")
     unseen = () if options.is_windowed or not has_renderer else _DRAW_ONLY_WHEN_ASKED
     flags = GodotFlags(
         headless=not has_renderer,

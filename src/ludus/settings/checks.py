@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import functools
+import types
+import typing
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, is_dataclass
+from numbers import Integral, Real
+from pathlib import Path
 from typing import Any, TypeVar
 
 from ludus.errors import ConfigError
@@ -69,15 +74,53 @@ def require(is_met: bool, name: str, expected: str, value: object) -> None:
 
 @dataclass(frozen=True)
 class Settings:
-    """Base of all settings.
+    """Base of all settings. A text is taken where a path is expected.
 
     Raises:
-        ConfigError: A value is not allowed.
+        ConfigError: A value has the wrong type or is not allowed.
     """
 
     def __post_init__(self) -> None:
+        kinds = _kinds(type(self))
         for part in fields(self):
+            value = getattr(self, part.name)
+            if part.name in kinds:
+                value = _require_kind(part.name, value, kinds[part.name])
+                object.__setattr__(self, part.name, value)
             check = part.metadata.get("check")
             if check is not None:
-                value = getattr(self, part.name)
                 require(check.is_met(value), part.name, check.expected, value)
+
+
+_NAMES: dict[type, str] = {
+    int: "a whole number", float: "a number", bool: "true or false", str: "a text",
+    Path: "a path", types.NoneType: "none", tuple: "a tuple",
+}  # fmt: skip
+
+
+@functools.cache
+def _kinds(of: type[Settings]) -> dict[str, tuple[type, ...]]:
+    """Return the types that fields may have, where classes can tell."""
+    kinds: dict[str, tuple[type, ...]] = {}
+    for name, hint in typing.get_type_hints(of).items():
+        is_union = typing.get_origin(hint) in {types.UnionType, typing.Union}
+        options = typing.get_args(hint) if is_union else (hint,)
+        classes = [tuple if typing.get_origin(one) is tuple else one for one in options]
+        if all(one in _NAMES or is_dataclass(one) for one in classes):
+            kinds[name] = tuple(classes)
+    return kinds
+
+
+def _require_kind(name: str, value: Any, kinds: tuple[type, ...]) -> Any:
+    """Return ``value`` as one of ``kinds``; NumPy's numbers become Python's."""
+    if isinstance(value, str) and str not in kinds and Path in kinds:
+        return Path(value)
+    expected = " or ".join(_NAMES.get(kind, kind.__name__) for kind in kinds)
+    if isinstance(value, bool):
+        require(bool in kinds, name, expected, value)
+    elif int in kinds and isinstance(value, Integral):
+        return int(value)
+    elif float in kinds and isinstance(value, Real):
+        return float(value)
+    require(isinstance(value, kinds), name, expected, value)
+    return value

@@ -16,9 +16,11 @@ from typing import Any, cast
 from ludus.errors import ConfigError
 from ludus.settings.plain import (
     as_mapping,
+    changed_settings,
     foreign_error,
     foreign_settings,
     merge_settings,
+    plain_settings,
     read_algorithm,
     to_plain,
 )
@@ -26,9 +28,17 @@ from ludus.settings.policy_config import ALGORITHM_CONFIGS, PolicyConfig
 from ludus.settings.train_config import TrainConfig
 from ludus.spec import PolicySpec
 
-__all__ = ["Layer", "Resolved", "merge", "python_layer", "resolve", "resolve_policy"]
+__all__ = [
+    "PYTHON",
+    "Layer",
+    "Resolved",
+    "merge",
+    "python_layer",
+    "resolve",
+    "resolve_policy",
+]
 
-DEFAULT = "default"
+DEFAULT, PYTHON = "default", "Python"
 
 log = logging.getLogger(__name__)
 
@@ -74,15 +84,7 @@ def python_layer(config: TrainConfig) -> Layer:
 
     Settings of single policies count as a whole: a script that gives them has chosen them all.
     """
-    plain, defaults = to_plain(config), to_plain(TrainConfig())
-    changed = {name: value for name, value in plain.items() if value != defaults[name]}
-    for algorithm in ALGORITHM_CONFIGS.keys() & changed.keys():
-        changed[algorithm] = {
-            name: value
-            for name, value in changed[algorithm].items()
-            if value != defaults[algorithm][name]
-        }
-    return Layer("Python", changed)
+    return Layer(PYTHON, plain_settings(changed_settings(config)))
 
 
 def merge(layers: Sequence[Layer]) -> TrainConfig:

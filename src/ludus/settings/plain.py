@@ -7,21 +7,23 @@ import json
 import tomllib
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeVar, cast
 
 from ludus.errors import ConfigError, did_you_mean
 from ludus.settings.checks import Settings
-from ludus.settings.policy_config import ALGORITHM_CONFIGS, PolicyConfig
+from ludus.settings.policy_config import ALGORITHM_CONFIGS, PolicyConfig, PPOConfig, SACConfig
 from ludus.settings.train_config import TrainConfig
 
 __all__ = [
     "ORIGINS",
     "as_mapping",
+    "changed_settings",
     "foreign_error",
     "foreign_settings",
     "merge_settings",
+    "plain_settings",
     "read_algorithm",
     "read_file",
     "saved_policy",
@@ -128,6 +130,42 @@ def to_plain(config: PolicyConfig | TrainConfig) -> dict[str, Any]:
     """Return ``config`` as JSON values; :func:`merge_settings` takes them back."""
     plain = json.dumps(dataclasses.asdict(config), default=str)
     return cast(dict[str, Any], json.loads(plain))
+
+
+def plain_settings(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings as a script writes them as the values of a :class:`Layer`.
+
+    Args:
+        values: By name; plain, or structs such as ``PPOConfig``, of which counts what differs
+            from the defaults, below ``policies`` everything.
+    """
+    plain = {name: _plain(value) for name, value in values.items() if name != "policies"}
+    if isinstance(policies := values.get("policies"), Mapping):
+        named = cast(Mapping[str, Any], policies)
+        plain["policies"] = {
+            name: to_plain(own) if isinstance(own, PPOConfig | SACConfig) else _plain(own)
+            for name, own in named.items()
+        }
+    elif "policies" in values:
+        plain["policies"] = policies
+    return plain
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        value = changed_settings(value)
+    if isinstance(value, Mapping):
+        return {name: _plain(each) for name, each in cast(Mapping[str, Any], value).items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in cast(Sequence[Any], value)]
+    return str(value) if isinstance(value, Path) else value
+
+
+def changed_settings(config: Any) -> dict[str, Any]:
+    """Return the fields of a struct that differ from the defaults."""
+    default = type(config)()
+    named = {part.name: getattr(config, part.name) for part in dataclasses.fields(config)}
+    return {name: value for name, value in named.items() if value != getattr(default, name)}
 
 
 def as_mapping(value: Any, name: str, where: str) -> Mapping[str, Any]:

@@ -22,6 +22,7 @@ from ludus.settings.checks import (
 
 __all__ = [
     "ALGORITHM_CONFIGS",
+    "CHANGEABLE",
     "Activation",
     "Mode",
     "PPOConfig",
@@ -183,3 +184,10 @@ ALGORITHM_CONFIGS: dict[str, type[PPOConfig] | type[SACConfig]] = {
     "sac": SACConfig,
 }
 """Which settings an algorithm has."""
+
+CHANGEABLE = frozenset({
+    "mode", "learning_rate", "learning_rate_schedule", "minibatch_size", "epochs", "gae_lambda",
+    "clip_range", "value_clip_range", "value_coefficient", "entropy_coefficient", "max_grad_norm",
+    "target_kl", "normalise_advantage", "batch_size", "updates_per_step", "target_rate",
+})  # fmt: skip
+"""Settings that may change while a run goes on: no network, array or statistic depends on them."""

@@ -25,7 +25,11 @@ from ludus.settings.checks import (
 from ludus.settings.policy_config import Mode, PolicyConfig, PPOConfig, SACConfig
 from ludus.settings.pool_config import DEFAULT_RESTARTS, GameConfig
 
-__all__ = ["LeagueConfig", "PPOConfig", "Phase", "PolicyConfig", "SACConfig", "TrainConfig"]
+__all__ = ["CHANGEABLE", "LeagueConfig", "PPOConfig", "Phase", "PolicyConfig", "SACConfig", "Sink",
+           "TrainConfig"]  # fmt: skip
+
+Sink = Literal["wandb", "mlflow", "trackio"]
+"""What metrics can be sent to, beside ``metrics.jsonl`` and TensorBoard."""
 
 
 SEED = Check("from 0 to 2^63 - 1", lambda seed: 0 <= seed < 2**63)
@@ -98,6 +102,7 @@ class TrainConfig(GameConfig):
             uninterrupted one bit for bit if the engine is deterministic. Cuts episodes short, and
             needs checkpoint_every_updates, because clocks are not deterministic.
         evaluation_episodes: Episodes of the evaluation at the end; 0 skips it.
+        track: Also send metrics to Weights & Biases (wandb), MLflow (mlflow) or Trackio (trackio).
         runs: Folder in which run folders are made.
         name: Name of the run folder; if empty, it is made from target, date and time.
         device: PyTorch device of networks and updates, such as cpu or cuda; auto is cuda if it is
@@ -133,6 +138,7 @@ class TrainConfig(GameConfig):
     keep_every_updates: int | None = setting(None, optional(AT_LEAST_1))
     exact_resume: bool = False
     evaluation_episodes: int = setting(20, AT_LEAST_0)
+    track: tuple[Sink, ...] = ()
     runs: Path = Path("runs")
     name: str = setting("", FOLDER_NAME)
     device: str = "auto"
@@ -158,3 +164,10 @@ class TrainConfig(GameConfig):
                 "exact_resume needs checkpoints at fixed updates, not at times of the clock",
                 "set checkpoint_every_s to none and checkpoint_every_updates to a number",
             )
+
+
+CHANGEABLE = frozenset({
+    "total_steps", "max_time_s", "target_return", "checkpoint_every_s", "checkpoint_every_updates",
+    "keep_every_updates", "evaluation_episodes",
+})  # fmt: skip
+"""Settings of the run itself that may change while it goes on."""

@@ -1,12 +1,13 @@
-"""Requests of games and users to a run, and reports to the games."""
+"""Requests of games and users to a run, callbacks of scripts, and reports to the games."""
 
 from __future__ import annotations
 
 import logging
-from pathlib import Path
 
+from ludus.play.episodes import EndedEpisodes
 from ludus.pool.interface import Pool
 from ludus.runs.control import SaveRequest, SetMode, StopRequest, read_request, take_requests
+from ludus.training.hooks import Episode, Hooks, Training
 from ludus.training.trainer import Trainer
 
 __all__ = ["RunCallback"]
@@ -23,29 +24,54 @@ class RunCallback:
     Args:
         trainer: What the requests change.
         pool: Games that send requests and show the status.
-        control: Folder with requests of users.
+        training: What callbacks see; the run's folder ``control`` has requests of users.
+        hooks: Callbacks of a script.
     """
 
-    def __init__(self, trainer: Trainer, pool: Pool, control: Path) -> None:
+    def __init__(self, trainer: Trainer, pool: Pool, training: Training, hooks: Hooks) -> None:
         self._trainer = trainer
         self._pool = pool
-        self._control = control
+        self._training = training
+        self._hooks = hooks
+        self._error: Exception | None = None
+        self._num_updates = trainer.updates
         self._status_at_s = 0.0
+        if hooks.on_episode is not None:
+            trainer.follow_episodes(self._report_episodes)
 
     def is_due(self) -> bool:
-        """Return False: requests wait until after an update."""
-        return False
+        """Return whether a callback wants something; requests wait until after an update."""
+        training = self._training
+        return self._error is not None or training.is_stopping or training.has_changed
 
     def call(self) -> bool:
-        """Handle what games and the control folder ask for; return whether that is to stop."""
-        if self._apply():
-            return True
-        self._show_status()
-        return False
+        """Handle what games, scripts and the control folder ask for; return whether to stop."""
+        if self._error is not None:
+            raise self._error
+        if self._trainer.updates > self._num_updates:
+            self._num_updates = self._trainer.updates
+            if self._apply_requests():
+                return True
+            if self._hooks.on_update is not None:
+                self._hooks.on_update(self._training)
+            self._show_status()
+        self._training.apply()
+        return self._training.is_stopping
 
-    def _apply(self) -> bool:
+    def _report_episodes(self, policy: str, first: int, ended: EndedEpisodes) -> None:
+        """Call ``on_episode``; what it raises waits until no engine is in a step."""
+        assert self._hooks.on_episode is not None
+        outcomes = zip(ended.returns.tolist(), ended.lengths.tolist(), strict=True)
+        try:
+            for number, outcome in enumerate(outcomes, first):
+                if self._error is None:
+                    self._hooks.on_episode(self._training, Episode(policy, number, *outcome))
+        except Exception as error:
+            self._error = error
+
+    def _apply_requests(self) -> bool:
         is_stopping = False
-        for values in [*self._pool.take_requests(), *take_requests(self._control)]:
+        for values in [*self._pool.take_requests(), *take_requests(self._training.folder.control)]:
             match read_request(values, self._pool.policies):
                 case SetMode(policy, mode):
                     self._trainer.set_mode(policy, mode)

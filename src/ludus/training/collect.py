@@ -8,14 +8,17 @@ from dataclasses import dataclass, replace
 
 from ludus.league.league import League
 from ludus.league.policy_slot import PolicySlot
-from ludus.play.episodes import EpisodeTracker
+from ludus.play.episodes import EndedEpisodes, EpisodeTracker
 from ludus.pool.interface import Pool
 from ludus.spec.batch import Batch
 
-__all__ = ["CollectTimes", "Collector"]
+__all__ = ["CollectTimes", "Collector", "OnEpisodes"]
 
 IDLE_STEPS = 32
 """Steps between two moments of decision while no policy learns."""
+
+OnEpisodes = Callable[[str, int, EndedEpisodes], None]
+"""Gets a policy, the number of the first of some episodes, from 1, and the episodes."""
 
 
 @dataclass
@@ -47,6 +50,10 @@ class Collector:
         slots: Policy slots by policy.
         trackers: By policy.
         league: The same that the policy slots have; None without self-play.
+
+    Attributes:
+        times: Where the time went.
+        on_episodes: Gets the episodes that end, while engines are in a step.
     """
 
     def __init__(
@@ -63,6 +70,7 @@ class Collector:
         self._engines = range(pool.num_engines)
         self._rows = [{name: pool.rows(name, k) for name in slots} for k in self._engines]
         self.times = CollectTimes()
+        self.on_episodes: OnEpisodes | None = None
 
     @property
     def num_steps(self) -> int:
@@ -128,7 +136,10 @@ class Collector:
             self._league.record(engine, batches)
         for name, slot in self._slots.items():
             own = slot.record(engine, batches[name])
-            self._trackers[name].record(self._rows[engine][name], own)
+            tracker = self._trackers[name]
+            ended = tracker.record(self._rows[engine][name], own)
+            if self.on_episodes is not None and len(ended.slots):
+                self.on_episodes(name, tracker.num_episodes - len(ended.slots) + 1, ended)
         self.times.wait_s += received - start
         self.times.record_s += time.perf_counter() - received
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
 
 from ludus.algorithms.learner import Learner
-from ludus.algorithms.learners import make_learners
+from ludus.algorithms.learners import OwnParts, make_learners
 from ludus.errors import DivergenceError, RunError, UsageError
 from ludus.play.evaluation import MAX_STEPS, Evaluation, evaluate
 from ludus.play.players import trained_player
@@ -20,10 +22,12 @@ from ludus.runs.checkpoint import check_spec
 from ludus.runs.curve import draw_learning_curve
 from ludus.runs.metrics import MetricsLog
 from ludus.runs.run_folder import RunFolder
+from ludus.runs.tracking import require_trackers
 from ludus.settings.merging import Layer, Resolved, merge, python_layer, resolve
 from ludus.settings.train_config import TrainConfig
 from ludus.target import check_accepted, parse_target
 from ludus.training.callback import RunCallback
+from ludus.training.hooks import Hooks, Training
 from ludus.training.interrupt import Interrupts
 from ludus.training.progress import Reporter, RunResult, SilentReporter
 from ludus.training.trainer import Trainer
@@ -42,6 +46,8 @@ def train(
     pool: Pool | None = None,
     resume: Path | None = None,
     reporter: Reporter | None = None,
+    hooks: Hooks | None = None,
+    own: OwnParts | None = None,
 ) -> RunResult:
     """Train every policy of a target, leave a run folder, evaluate.
 
@@ -53,22 +59,27 @@ def train(
         pool: Train in this one and leave it open; None opens what ``config`` names.
         resume: Folder of a run to go on with, from its newest checkpoint.
         reporter: Is told how it goes.
+        hooks: Callbacks of a script.
+        own: Networks and learners of a script.
 
     Raises:
+        UsageError: ``pool`` is none.
         ConfigError: A setting is unknown or does not fit.
         CheckpointError: The run to resume has no checkpoint that fits.
         DivergenceError: A loss became NaN; the state lies in the run folder under ``diverged``.
         RunError: A file cannot be written.
         EngineError: An engine failed for good; a checkpoint was written.
     """
-    reporter = reporter or SilentReporter()
+    _require_pool(pool)
+    parts = RunParts(reporter or SilentReporter(), hooks or Hooks(), own or OwnParts())
     layers = [python_layer(config)] if isinstance(config, TrainConfig) else config
     before = merge(layers)
+    require_trackers(before.track)
     folder = RunFolder.find(resume) if resume else RunFolder.create(before)
     try:
         with folder.locked(), _pool_for(before, pool, folder) as source, log_file(folder):
             resolved = resolve(layers, source.policies)
-            return _train_in(source, resolved, folder, resume is not None, reporter)
+            return _train_in(source, resolved, folder, resume is not None, parts)
     except UsageError:
         folder.discard_if_unused(but=folder.engine_logs)  # what was asked for is wrong
         raise
@@ -76,12 +87,21 @@ def train(
         folder.discard_if_unused()
 
 
+@dataclass(frozen=True)
+class RunParts:
+    """What a caller adds to the settings of a run."""
+
+    reporter: Reporter
+    hooks: Hooks
+    own: OwnParts
+
+
 def _train_in(
-    pool: Pool, resolved: Resolved, folder: RunFolder, is_resumed: bool, reporter: Reporter
+    pool: Pool, resolved: Resolved, folder: RunFolder, is_resumed: bool, parts: RunParts
 ) -> RunResult:
-    config = resolved.config
+    config, reporter = resolved.config, parts.reporter
     torch.set_num_threads(config.torch_threads)
-    learners = make_learners(config, pool)
+    learners = make_learners(config, pool, parts.own)
     trainer = Trainer(config, pool, learners, folder)
     if is_resumed:
         store = folder.checkpoints(config.keep_checkpoints)
@@ -96,11 +116,17 @@ def _train_in(
     reporter.started(config, folder.path)
     try:
         with Interrupts() as interrupts:
-            callback = RunCallback(trainer, pool, folder.control)
+            training = Training(trainer, folder, resolved.origins)
+            callback = RunCallback(trainer, pool, training, parts.hooks)
             stop_reason = trainer.run(interrupts.is_stopping, reporter, callback)
     except DivergenceError:
         write_result(trainer, folder, "diverged")
         raise
+    except Exception as error:
+        with contextlib.suppress(RunError):  # the disk that is full is the first error
+            write_result(trainer, folder, "failed", error=error)
+        raise
+    config = trainer.config
     write_result(trainer, folder, stop_reason)
     title = f"{config.target or folder.path.name}"
     draw_learning_curve(folder.metrics, folder.learning_curve, title)
@@ -110,7 +136,7 @@ def _train_in(
         evaluation = _evaluate(learners, pool, config, folder)
         write_result(trainer, folder, stop_reason, evaluation)
     return RunResult(
-        run=folder.path,
+        path=folder.path,
         stop_reason=stop_reason,
         signum=interrupts.signum,
         agent_steps=trainer.agent_steps,
@@ -126,9 +152,11 @@ def write_result(
     folder: RunFolder,
     stop_reason: str,
     evaluation: Mapping[str, Evaluation] | None = None,
+    *,
+    error: Exception | None = None,
 ) -> None:
     """Leave what ``ludus runs`` tells; see :func:`ludus.runs.run_list.list_runs`."""
-    values = {
+    values: dict[str, Any] = {
         "stop_reason": stop_reason,
         "agent_steps": trainer.agent_steps,
         "updates": trainer.updates,
@@ -136,7 +164,17 @@ def write_result(
         "mean_return": trainer.mean_returns(),
         "evaluation": {name: of.mean_return for name, of in (evaluation or {}).items()},
     }
+    if error is not None:
+        values["error"] = f"{type(error).__name__}: {error}"
     folder.write_json(folder.result.name, values)
+
+
+def _require_pool(pool: object) -> None:
+    if pool is not None and not hasattr(pool, "receive"):
+        raise UsageError(
+            f"pool must be what ludus.open_pool returns, not {type(pool).__name__}",
+            "of an environment of Ludus, pool=env.pool",
+        )
 
 
 def _evaluate(

@@ -45,7 +45,7 @@ class RunResult:
     """How a run ended.
 
     Attributes:
-        run: Its folder.
+        path: Its folder.
         stop_reason: Why it ended.
         signum: Signal that interrupted it; None if none did.
         agent_steps: Agent steps in all.
@@ -55,7 +55,7 @@ class RunResult:
         evaluation: Per policy; empty if interrupted, or if none was asked for.
     """
 
-    run: Path
+    path: Path
     stop_reason: StopReason
     signum: int | None
     agent_steps: int
@@ -80,6 +80,10 @@ class Reporter(Protocol):
         """Training is over; the evaluation begins."""
         ...
 
+    def finished(self, result: RunResult) -> None:
+        """The run has ended without an error; not called by the trainer itself."""
+        ...
+
 
 class SilentReporter:
     """Shows nothing."""
@@ -91,4 +95,7 @@ class SilentReporter:
         """Show nothing."""
 
     def evaluating(self, episodes: int) -> None:
+        """Show nothing."""
+
+    def finished(self, result: RunResult) -> None:
         """Show nothing."""

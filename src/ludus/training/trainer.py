@@ -6,14 +6,16 @@ import logging
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 from torch import Tensor
 
 from ludus.algorithms.learner import Learner
 from ludus.algorithms.learners import policy_seed
-from ludus.errors import DivergenceError, EngineError
+from ludus.algorithms.ppo import PPO
+from ludus.algorithms.sac import SAC
+from ludus.errors import DivergenceError, RunError
 from ludus.league.league import League
 from ludus.league.policy_slot import PolicySlot
 from ludus.networks.policy import Policy
@@ -24,10 +26,12 @@ from ludus.runs.metrics import MetricsLog
 from ludus.runs.random_state import random_state, restore_random_state
 from ludus.runs.run_folder import RunFolder
 from ludus.runs.run_list import StopReason
+from ludus.runs.tracking import open_trackers
 from ludus.settings.plain import to_plain
 from ludus.settings.policy_config import Mode
 from ludus.settings.train_config import TrainConfig
-from ludus.training.collect import Collector, CollectTimes
+from ludus.spec import PolicySpec
+from ludus.training.collect import Collector, CollectTimes, OnEpisodes
 from ludus.training.modes import ModeSchedule
 from ludus.training.progress import Progress, Reporter
 
@@ -64,16 +68,19 @@ class Trainer:
     Call :meth:`resume` or not, then :meth:`run`, which may be called again to go on.
 
     Attributes:
+        config: Settings in effect.
         updates: Updates so far.
         wall_s: Seconds of training so far, over all resumptions.
+        progress: As of the last update; None before the first one.
     """
 
     def __init__(
         self, config: TrainConfig, pool: Pool, learners: Mapping[str, Learner], folder: RunFolder
     ) -> None:
+        self.config = config
         self.updates = 0
         self.wall_s = 0.0
-        self._config = config
+        self.progress: Progress | None = None
         self._pool = pool
         self._folder = folder
         self._learners = learners
@@ -93,8 +100,13 @@ class Trainer:
     def _make_slot(self, learner: Learner) -> PolicySlot:
         name = learner.policy.spec.name
         slots = [learner.policy.spec.num_agents] * self._pool.num_engines
-        seed = policy_seed((self._config.seed or 0) + 1, name)
+        seed = policy_seed((self.config.seed or 0) + 1, name)
         return PolicySlot(learner, slots, seed, self._league)
+
+    @property
+    def specs(self) -> Mapping[str, PolicySpec]:
+        """What each policy observes and does."""
+        return self._pool.policies
 
     @property
     def agent_steps(self) -> int:
@@ -131,7 +143,7 @@ class Trainer:
         if self._league is not None and "league" in checkpoint.run:
             self._league.load_state(checkpoint.league, checkpoint.run["league"])
         before = checkpoint.config["policies"]
-        for name, settings in self._config.policies.items():
+        for name, settings in self.config.policies.items():
             if settings.mode != before[name]["mode"]:  # otherwise the mode that it was in stays
                 self.set_mode(name, settings.mode)
         self._note_learning()
@@ -166,16 +178,21 @@ class Trainer:
             DivergenceError: A loss became NaN or infinite.
             EngineError: An engine failed for good.
             RunError: A file cannot be written.
+            Exception: What a callback of a script raised.
         """
         self.begin()
         self.save()
-        metrics = MetricsLog(self._folder.path, self.agent_steps)
+        trackers = open_trackers(self.config, self._folder.path)
+        metrics = MetricsLog(self._folder.path, self.agent_steps, trackers)
         try:
+            self._pool.take_metrics()  # of what was played before
             self._reset()
             reason = self._loop(is_stopping, reporter, callback, metrics)
         except DivergenceError as error:
             raise self._save_diverged(error) from None
-        except EngineError:
+        except (RunError, KeyboardInterrupt):
+            raise
+        except Exception:  # of an engine, or of a script's callback
             self.save()
             raise
         finally:
@@ -211,12 +228,14 @@ class Trainer:
                 **shares,
                 "restarts": self._pool.num_restarts,
             }
-            metrics.write(run_metrics, policies)
-            reporter.updated(self._progress(speed, policies))
+            game = {name: of.to_json() for name, of in self._pool.take_metrics().items()}
+            metrics.write(run_metrics, policies, game)
+            self.progress = self._progress(speed, policies)
+            reporter.updated(self.progress)
             self._advance()
             if self._is_time_to_save():
                 self.save()
-                if self._config.exact_resume:
+                if self.config.exact_resume:
                     self._reset()
             self._keep()
             if callback.call():
@@ -240,14 +259,14 @@ class Trainer:
 
     def _reset(self) -> None:
         """Begin new episodes, in worlds that depend on the seed and the update only."""
-        seed = self._config.seed or 0
+        seed = self.config.seed or 0
         if self.updates:
             words = np.random.SeedSequence((seed, self.updates)).generate_state(1, np.uint64)
             seed = int(words[0] >> np.uint64(2))
         self._collector.reset(seed)
 
     def _update(self) -> dict[str, dict[str, float]]:
-        progress = min(1.0, self.agent_steps / self._config.total_steps)
+        progress = min(1.0, self.agent_steps / self.config.total_steps)
         losses = {
             name: slot.learner.update(progress)
             for name, slot in self._slots.items()
@@ -276,13 +295,30 @@ class Trainer:
             self._slots[policy].set_mode(mode)
         self._note_learning()
 
+    def follow_episodes(self, on_episodes: OnEpisodes) -> None:
+        """Have ``on_episodes`` called for the episodes that end, while engines are in a step."""
+        self._collector.on_episodes = on_episodes
+
+    def change(self, config: TrainConfig) -> None:
+        """Go on with other settings, which differ in those alone that may change.
+
+        Never while engines are in a step.
+        """
+        for name, settings in config.policies.items():
+            learner = self._learners[name]
+            if settings.mode != self.config.policies[name].mode:
+                self.set_mode(name, settings.mode)
+            if isinstance(learner, PPO | SAC):
+                cast(Any, learner).config = settings
+        self.config = config
+
     def _note_learning(self) -> None:
         if self._league is not None:
             learning = (name for name, slot in self._slots.items() if slot.mode == "train")
             self._league.learning = frozenset(learning)
 
     def _reason_to_stop(self) -> StopReason | None:
-        config = self._config
+        config = self.config
         if self.agent_steps >= config.total_steps:
             return "total_steps"
         if config.max_time_s is not None and self.wall_s >= config.max_time_s:
@@ -320,12 +356,12 @@ class Trainer:
     def _progress(self, speed: float, policies: Mapping[str, Mapping[str, float]]) -> Progress:
         memory = SPEED_MEMORY if self._steps_per_s else 0.0
         self._steps_per_s = memory * self._steps_per_s + (1.0 - memory) * speed
-        left_s = (self._config.total_steps - self.agent_steps) / max(self._steps_per_s, 1e-9)
-        if self._config.max_time_s is not None:
-            left_s = min(left_s, self._config.max_time_s - self.wall_s)
+        left_s = (self.config.total_steps - self.agent_steps) / max(self._steps_per_s, 1e-9)
+        if self.config.max_time_s is not None:
+            left_s = min(left_s, self.config.max_time_s - self.wall_s)
         return Progress(
             agent_steps=self.agent_steps,
-            total_steps=self._config.total_steps,
+            total_steps=self.config.total_steps,
             wall_s=self.wall_s,
             time_left_s=max(0.0, left_s),
             steps_per_s=self._steps_per_s,
@@ -337,7 +373,7 @@ class Trainer:
     # --- saving ---------------------------------------------------------------------------------
 
     def _is_time_to_save(self) -> bool:
-        every_s, every = self._config.checkpoint_every_s, self._config.checkpoint_every_updates
+        every_s, every = self.config.checkpoint_every_s, self.config.checkpoint_every_updates
         is_time = every_s is not None and self.wall_s - self._saved_at_s >= every_s
         return is_time or (every is not None and self.updates - self._saved_at_update >= every)
 
@@ -353,7 +389,7 @@ class Trainer:
 
     def _keep(self) -> None:
         """Write a checkpoint that stays for ever, if it is time for one."""
-        every = self._config.keep_every_updates
+        every = self.config.keep_every_updates
         if every is not None and self.updates % every == 0:
             path = self._store.keep(self._checkpoint(), self.updates)
             log.debug("saved %s", path)
@@ -384,7 +420,7 @@ class Trainer:
             learners={name: learner.state() for name, learner in self._learners.items()},
             specs={name: policy.to_json() for name, policy in policies.items()},
             fingerprints={name: policy.fingerprint() for name, policy in policies.items()},
-            config=to_plain(self._config),
+            config=to_plain(self.config),
             run=run,
             league=league,
         )

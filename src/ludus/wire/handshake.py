@@ -15,7 +15,7 @@ __all__ = ["CAPABILITIES", "PROTOCOL_MAX", "PROTOCOL_MIN", "EngineConfig", "Hell
 PROTOCOL_MIN = 1
 PROTOCOL_MAX = 1
 _MAX_INT32 = 2**31 - 1
-CAPABILITIES = frozenset({"call", "ceiling", "rebuild", "requests", "reset_worlds"})
+CAPABILITIES = frozenset({"call", "ceiling", "metrics", "rebuild", "requests", "reset_worlds"})
 
 
 @dataclass(frozen=True)

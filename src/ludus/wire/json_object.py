@@ -39,6 +39,10 @@ class JsonObject:
         """Return the error that a field has the wrong type or value."""
         return self.error(key, f"expected {expected}, got {_short(value)}")
 
+    def names(self) -> list[str]:
+        """Return the names of all fields."""
+        return list(self._fields)
+
     def get(self, key: str) -> Any:
         """Return a required field of any type."""
         if key not in self._fields:

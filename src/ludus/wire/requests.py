@@ -1,13 +1,20 @@
-"""What a game asks of its trainer (PROTOCOL.md §8, "Requests"). No input or output."""
+"""What a game asks of its trainer and reports to it (PROTOCOL.md §8). No input or output."""
 
 from __future__ import annotations
 
 import re
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, cast
 
-from ludus.wire.json_object import read_objects
+from ludus.wire.json_object import JsonObject, read_objects
 
-__all__ = ["CAPABILITY", "MAX_REQUESTS", "MODES", "read_requests"]
+__all__ = ["CAPABILITY", "MAX_REQUESTS", "METRICS", "MODES", "MetricSummary", "add_metrics",
+           "read_requests", "split_metrics"]  # fmt: skip
+
+METRICS = "metrics"
+"""The capability of games that report metrics, and the kind of request that holds them."""
+MAX_METRICS = 64
 
 CAPABILITY = "requests"
 MAX_REQUESTS = 256
@@ -28,11 +35,90 @@ def read_requests(value: Any) -> list[dict[str, Any]]:
     Raises:
         ProtocolError: It is not a list of requests, or too long; the text names the place.
     """
-    for reader in read_objects(value, "take_requests()", 0, MAX_REQUESTS):
+    has_metrics = isinstance(value, list) and METRICS in map(_kind_of, cast(list[Any], value)[-1:])
+    for reader in read_objects(value, "take_requests()", 0, MAX_REQUESTS + has_metrics):
         kind = reader.text("kind")
         if not _WORD.fullmatch(kind):
             raise reader.unexpected("kind", "a word in lower case", kind)
-        if kind == "set_mode":
+        if kind == METRICS:
+            _read_metrics(reader)
+        elif kind == "set_mode":
             reader.name("policy", MAX_TEXT_LENGTH)
             reader.choice("mode", MODES)
     return value
+
+
+@dataclass(frozen=True)
+class MetricSummary:
+    """The values of one metric that a game has reported since they were fetched last.
+
+    Attributes:
+        count: How many, at least 1.
+        sum: Their sum.
+        min: The lowest.
+        max: The highest.
+    """
+
+    count: int
+    sum: float
+    min: float
+    max: float
+
+    def to_json(self) -> dict[str, float]:
+        """Return what metrics show: mean, lowest and highest value, and count."""
+        mean = self.sum / self.count
+        return {"mean": mean, "min": self.min, "max": self.max, "count": self.count}
+
+
+def split_metrics(
+    requests: list[dict[str, Any]],
+) -> tuple[list[dict[str, Any]], dict[str, MetricSummary]]:
+    """Return requests without metrics, and the metrics by name.
+
+    Args:
+        requests: As :func:`read_requests` has checked them.
+    """
+    others = [request for request in requests if request["kind"] != METRICS]
+    metrics: dict[str, MetricSummary] = {}
+    for request in requests:
+        if request["kind"] == METRICS:
+            metrics = add_metrics(metrics, _read_metrics(JsonObject(request, "take_requests()")))
+    return others, metrics
+
+
+def add_metrics(
+    first: Mapping[str, MetricSummary], second: Mapping[str, MetricSummary]
+) -> dict[str, MetricSummary]:
+    """Return the metrics of two sources together."""
+    joined = dict(first)
+    for name, new in second.items():
+        old = joined.get(name)
+        if old is not None:
+            low, high = min(old.min, new.min), max(old.max, new.max)
+            new = MetricSummary(old.count + new.count, old.sum + new.sum, low, high)  # noqa: PLW2901
+        joined[name] = new
+    return joined
+
+
+def _kind_of(request: Any) -> Any:
+    return cast(dict[str, Any], request).get("kind") if isinstance(request, dict) else None
+
+
+def _read_metrics(reader: JsonObject) -> dict[str, MetricSummary]:
+    """Read the metrics of a request.
+
+    Raises:
+        ProtocolError: A name or a number is not allowed, or there are too many.
+    """
+    metrics = reader.child(METRICS)
+    if not 1 <= len(metrics.names()) <= MAX_METRICS:
+        raise reader.unexpected(METRICS, f"1 to {MAX_METRICS} names", len(metrics.names()))
+    read: dict[str, MetricSummary] = {}
+    for name in metrics.names():
+        if not 1 <= len(name) <= MAX_TEXT_LENGTH or not name.isprintable():
+            expected = f"names of 1 to {MAX_TEXT_LENGTH} characters, none a control character"
+            raise reader.unexpected(METRICS, expected, name)
+        own = metrics.child(name)
+        total, low, high = (own.number(key, own.get(key)) for key in ("sum", "min", "max"))
+        read[name] = MetricSummary(own.integer("count", 1, 1 << 53), total, low, high)
+    return read

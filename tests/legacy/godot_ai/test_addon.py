@@ -269,7 +269,7 @@ def test_it_learns_and_obeys_the_map(
         max_time_s=150.0, evaluation_episodes=0, runs=tmp_path, name="run",
     )  # fmt: skip
     result = train(config)
-    lines = read_metrics(result.run / "metrics.jsonl")
+    lines = read_metrics(result.path / "metrics.jsonl")
     returns = [line["policies"]["walker"]["mean_return"] for line in lines]
     assert abs(returns[0]) < 3.0, "a network that has learnt nothing goes nowhere"
     assert returns[-1] > 6.0, f"straight to the goal is about 9: {returns}"

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from ludus.addon import install_addon
 from ludus.engine import (
-    EngineKind,
     EngineProcess,
     GodotFlags,
     LaunchConfig,
@@ -21,9 +18,8 @@ from ludus.engine import (
     godot_command,
     read_project,
 )
-from tests.serve.guided import godot3_game
 
-__all__ = ["EPISODE_STEPS", "NUM_WORLDS", "GodotGame", "make_project"]
+__all__ = ["EPISODE_STEPS", "NUM_WORLDS", "SCENE", "GodotGame", "make_project"]
 
 DEADLINE_S = 90.0
 NUM_WORLDS, EPISODE_STEPS = 6, 10
@@ -139,23 +135,15 @@ script = ExtResource("2")
 """
 
 
-def texts(kind: EngineKind) -> ModuleType:
-    """Return the module with the scripts and scenes for a kind of Godot."""
-    return godot3_game if kind is EngineKind.GODOT3 else sys.modules[__name__]
-
-
-def make_project(
-    folder: Path, observation_size: int = 2, kind: EngineKind = EngineKind.GODOT4
-) -> Path:
+def make_project(folder: Path, observation_size: int = 2) -> Path:
     """Write the project into a folder; returns it."""
     folder.mkdir(exist_ok=True)
-    own = texts(kind)
-    pennies = own.PENNIES.replace("SIZE", str(observation_size))
-    (folder / "project.godot").write_text(own.PROJECT)
+    pennies = PENNIES.replace("SIZE", str(observation_size))
+    (folder / "project.godot").write_text(PROJECT)
     (folder / "pennies.gd").write_text(pennies)
-    (folder / "pennies.tscn").write_text(own.SCENE)
-    (folder / "driver.gd").write_text(own.DRIVER)
-    (folder / "main.tscn").write_text(own.MAIN.format(num_worlds=NUM_WORLDS))
+    (folder / "pennies.tscn").write_text(SCENE)
+    (folder / "driver.gd").write_text(DRIVER)
+    (folder / "main.tscn").write_text(MAIN.format(num_worlds=NUM_WORLDS))
     install_addon(folder)
     return folder
 

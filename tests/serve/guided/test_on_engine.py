@@ -15,7 +15,6 @@ from pathlib import Path
 import pytest
 import torch
 
-from ludus.engine import EngineKind
 from ludus.model import read_model
 from ludus.networks.tensors import as_tensor
 from ludus.runs.checkpoint import Checkpoint
@@ -30,14 +29,9 @@ pytestmark = pytest.mark.engine
 Play = Callable[..., GodotGame]
 
 
-@pytest.fixture(scope="module", params=[EngineKind.GODOT4, EngineKind.GODOT3], ids=str)
-def kind(request: pytest.FixtureRequest) -> EngineKind:
-    return request.param
-
-
 @pytest.fixture(scope="module")
-def project(kind: EngineKind, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return make_project(tmp_path_factory.mktemp("guides") / "game", kind=kind)
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_project(tmp_path_factory.mktemp("guides") / "game")
 
 
 @pytest.fixture
@@ -116,9 +110,7 @@ def test_every_request_of_a_game_is_carried_out(server: Running, play: Play) -> 
     assert game.process.script_errors == []
 
 
-def test_a_killed_game_resumes_its_run(
-    server: Running, play: Play, kind: EngineKind, tmp_path: Path
-) -> None:
+def test_a_killed_game_resumes_its_run(server: Running, play: Play, tmp_path: Path) -> None:
     game = play(server.port)
     seen = game.train()
     os.kill(game.process.pid, signal.SIGKILL)
@@ -129,7 +121,7 @@ def test_a_killed_game_resumes_its_run(
     again.ask("start")
     assert again.await_updates(back["updates"] + 3)["agent_steps"] > back["agent_steps"]
     again.close()
-    other = play(server.port, make_project(tmp_path / "other", 3, kind))
+    other = play(server.port, make_project(tmp_path / "other", 3))
     new = other.await_state("standby")
     assert new["agent_steps"] == 0
     assert "kept as pennies.old-1" in new["message"]
@@ -189,7 +181,7 @@ class Served:
 
 @pytest.mark.parametrize("signum", [None, signal.SIGTERM])
 def test_the_command_ends_with_the_game_or_a_signal(
-    signum: signal.Signals | None, play: Play, kind: EngineKind, tmp_path: Path
+    signum: signal.Signals | None, play: Play, tmp_path: Path
 ) -> None:
     runs = tmp_path / "runs"
     runs.mkdir()
@@ -209,4 +201,4 @@ def test_the_command_ends_with_the_game_or_a_signal(
     checkpoint = RunFolder(runs / "pennies").checkpoints().newest()[1]
     assert checkpoint.agent_steps >= seen["agent_steps"]
     assert "Traceback" not in served.text()
-    assert f"connected: godot {kind.value[-1]}" in served.log.read_text()
+    assert "connected: godot 4" in served.log.read_text()

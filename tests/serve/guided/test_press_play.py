@@ -15,7 +15,6 @@ import psutil
 import pytest
 
 from ludus.engine import (
-    EngineKind,
     EngineProcess,
     GodotFlags,
     LaunchConfig,
@@ -26,13 +25,11 @@ from ludus.engine import (
 )
 from ludus.runs.metrics import read_metrics
 from ludus.runs.run_folder import RunFolder
-from tests.serve.guided import godot3_game
-from tests.serve.guided.godot_game import make_project, texts
+from tests.serve.guided.godot_game import SCENE, make_project
 
 pytestmark = pytest.mark.engine
 
 DEADLINE_S = 90.0
-KINDS = [EngineKind.GODOT4, EngineKind.GODOT3]
 # The scene that is trained brings the node itself, and goes on being played without a trainer.
 TRAINING = """\
 [ext_resource type="Script" path="res://addons/ludus/training/ludus_training.gd" id="2"]
@@ -83,18 +80,14 @@ def servers(port: int) -> list[psutil.Process]:
 class Desk:
     """A project that is open in the editor, so to say."""
 
-    def __init__(self, folder: Path, kind: EngineKind) -> None:
-        self.kind = kind
+    def __init__(self, folder: Path) -> None:
         self.port = free_port()
-        self.project = make_project(folder, kind=kind)
-        training, life = TRAINING, LIFE
-        if kind is EngineKind.GODOT3:
-            training, life = godot3_game.TRAINING, godot3_game.LIFE
-        head, body = texts(kind).SCENE.split("[node", 1)
-        extras, nodes = training.format(port=self.port).split("[node", 1)
+        self.project = make_project(folder)
+        head, body = SCENE.split("[node", 1)
+        extras, nodes = TRAINING.format(port=self.port).split("[node", 1)
         scene = f"{head}{extras}[node{body}[node{nodes}"
         (self.project / "pressed.tscn").write_text(scene)
-        (self.project / "life.gd").write_text(life)
+        (self.project / "life.gd").write_text(LIFE)
         self.games: list[EngineProcess] = []
 
     @property
@@ -102,8 +95,9 @@ class Desk:
         return RunFolder(self.project / "runs" / "pressed")
 
     def press_play(self) -> EngineProcess:
-        engine = find_engine(self.kind)
-        ensure_imported(engine, read_project(self.project))
+        project = read_project(self.project)
+        engine = find_engine(project.engine_kind)
+        ensure_imported(engine, project)
         flags = GodotFlags(fixed_fps=None)  # as the editor does: the game keeps time itself
         command = godot_command(engine, self.project, "res://pressed.tscn", flags)
         self.games.append(EngineProcess.start(LaunchConfig(command=command)))
@@ -127,12 +121,10 @@ class Desk:
         return "\n".join([server, *self.games[-1].last_lines(20)])
 
 
-@pytest.fixture(params=KINDS, ids=lambda kind: kind.value)
-def desk(
-    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Desk]:
+@pytest.fixture
+def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Desk]:
     monkeypatch.setenv("LUDUS_PYTHON", sys.executable)
-    desk = Desk(tmp_path / "game", request.param)
+    desk = Desk(tmp_path / "game")
     yield desk
     for game in desk.games:
         game.terminate()

@@ -49,7 +49,7 @@ export var policy: Resource setget set_policy
 ## Whether the policy draws its actions, as in training, instead of taking the most probable ones.
 export var is_sampling: bool = false
 
-## What has the five methods: a node, or the seat of an agent of a [LudusSimulation].
+## What has the five methods: a node.
 var target: Object
 ## The world this agent lives in.
 var world: LudusWorld

@@ -18,17 +18,14 @@ signal policy_mode_changed(policy, mode)
 
 ## What the bridge does in the next tick: looks for a trainer; lets people play; lets the ticks of a
 ## step pass; holds everything for one frame, so that new nodes join the loop; lets some worlds tick
-## alone before they are observed; plays at random inside the engine; lets frames pass while the
-## trainer is silent and the worlds stand still, in a guiding game only; lets the game go on by
-## itself until the trainer wants something; quits.
-enum Phase { START, MANUAL, STEPPING, HELD, SETTLING, CEILING, WAITING, STANDING_BY, ENDED }
+## alone before they are observed; plays at random inside the engine; quits.
+enum Phase { START, MANUAL, STEPPING, HELD, SETTLING, CEILING, ENDED }
 
 ## How a policy takes part in training: it learns; it acts as in training, with chance, and learns
 ## nothing; or it takes its most probable action and learns nothing.
 enum PolicyMode { TRAIN, FROZEN, DETERMINISTIC }
 
 const GROUP_NAME := "ludus_bridges"
-const NO_AUTOLOAD := "the autoload Ludus is missing; enable the plugin Ludus"
 
 ## Plays agents that have a [LudusPolicy] while no trainer is there.
 var player := LudusPolicyPlayer.new()
@@ -45,7 +42,6 @@ var _ticks_left: int = 0
 var _num_ticks: int = 0
 var _has_reset: bool = false
 var _batch_flags: int = 0
-var _guidance := LudusGuidance.new()
 var _requests := LudusRequests.new()
 var _status := LudusTrainingStatus.new()
 ## Clock of PROTOCOL.md §7, microseconds.
@@ -57,36 +53,11 @@ var _wait_us: int = 0
 
 ## Whether the autoload is there, which plays agents or has them trained.
 static func exists() -> bool:
-	return _find() != null
-
-
-## Whether a trainer has started the game, or it shall wait for one.
-static func has_trainer_arguments() -> bool:
-	var arguments := LudusArguments.new()
-	return arguments.has_trainer() or not arguments.play_scene.empty()
-
-
-## Calls one of the methods that ask something of the trainer. Returns why that was refused, or an
-## empty text.
-static func ask(method: String, arguments: Array = []) -> String:
-	var bridge := _find()
-	if bridge == null:
-		return NO_AUTOLOAD
-	return "" if bridge.callv(method, arguments) else bridge._requests.complaint
-
-
-## Lets [param training], a [LudusTraining], guide the trainer at the other end of [param link].
-static func guide(training: Node, link: LudusLink) -> void:
-	var bridge := _find()
-	if bridge == null:
-		training.take_leave(NO_AUTOLOAD)
-	else:
-		bridge.call_deferred("_guide", training, link)
+	return not Engine.get_main_loop().get_nodes_in_group(GROUP_NAME).empty()
 
 
 func _init() -> void:
 	add_child(player)
-	add_child(_guidance)
 	_connect_or_tell("received", "_on_status_received")
 	_connect_or_tell("policy_mode_changed", "_on_policy_mode_changed")
 
@@ -127,8 +98,6 @@ func _physics_process(_delta: float) -> void:
 			if _settling.advance():
 				_answer()
 				_serve()
-			elif not _settling.error.empty():
-				_fail("game", _settling.error)
 		Phase.CEILING:
 			if _ceiling.advance():
 				_send(_ceiling.result_frame())
@@ -136,14 +105,6 @@ func _physics_process(_delta: float) -> void:
 		Phase.MANUAL:
 			player.advance()
 			_manual.advance()
-		Phase.WAITING:
-			if not _guidance.is_silent_frame():
-				get_tree().paused = false
-				_serve()
-		Phase.STANDING_BY:
-			player.advance()
-			_manual.advance()
-			_serve()
 		Phase.START:
 			_start()
 	_left_us = OS.get_ticks_usec()
@@ -160,33 +121,10 @@ func save_checkpoint() -> bool:
 	return _requests.add({"kind": "save"})
 
 
-## Asks the trainer to save a checkpoint and end the run; the game then quits. Where the game guides
-## its training, the trainer stands by instead. Returns false if nobody trains the game.
+## Asks the trainer to save a checkpoint and end the run; the game then quits. Returns false if
+## nobody trains the game.
 func stop_training() -> bool:
 	return _requests.add({"kind": "stop"})
-
-
-## Asks the trainer to train until [method stop_training]. Returns false if the game does not guide
-## its training, see [LudusTraining].
-func start_training() -> bool:
-	return _requests.add_guided("start")
-
-
-## Asks the trainer to play one round with the most probable actions. Returns false if the game does
-## not guide its training.
-func play_round() -> bool:
-	return _requests.add_guided("play_round")
-
-
-## Asks the trainer to write all policies as files for the game. Returns false if the game does not
-## guide its training.
-func write_policies() -> bool:
-	return _requests.add_guided("write_policies")
-
-
-static func _find() -> Node:
-	var bridges: Array = Engine.get_main_loop().get_nodes_in_group(GROUP_NAME)
-	return bridges[0] if not bridges.empty() else null
 
 
 func _connect_or_tell(signal_name: String, method: String) -> void:
@@ -196,7 +134,6 @@ func _connect_or_tell(signal_name: String, method: String) -> void:
 
 func _on_status_received(status: Dictionary) -> void:
 	emit_signal("training_status", status)
-	_guidance.show_status(status)
 
 
 func _on_policy_mode_changed(policy: String, mode: int) -> void:
@@ -258,9 +195,6 @@ func _send(frame: PoolByteArray) -> void:
 func _serve() -> void:
 	while _link != null and _phase != Phase.ENDED:
 		var asked := OS.get_ticks_usec()
-		if _requests.is_guided and not _guidance.hears(_link):
-			_phase = Phase.STANDING_BY if _guidance.is_standing_by else Phase.WAITING
-			return
 		if not _link.receive():
 			_fail("" if _link.error.empty() else "frame", _link.error)
 			return
@@ -314,7 +248,6 @@ func _handle_reset() -> bool:
 		_fail("frame", "malformed RESET")
 		return false
 	_has_reset = true
-	_guidance.is_standing_by = false
 	_engine_us = 0
 	_batch_flags = LudusWire.FLAG_RESET
 	_bridge_us = 0
@@ -329,10 +262,7 @@ func _handle_call() -> bool:
 		_phase = Phase.CEILING
 		_has_reset = false
 		return true
-	if call.is_stand_by():
-		_guidance.is_standing_by = _requests.is_guided
-		_send(call.answer_nothing())
-	elif call.is_for_bridge():
+	if call.is_for_bridge():
 		_send(call.answer_for_bridge(_requests, _status))
 	else:
 		_send(call.answer(_game))
@@ -343,8 +273,6 @@ func _start() -> void:
 	_phase = Phase.MANUAL
 	_manual = LudusManualPlay.new(get_tree())
 	_arguments = LudusArguments.new()
-	if not has_trainer_arguments() and _guidance.is_in_scene():
-		return
 	_link = LudusLink.new()
 	if not _arguments.play_scene.empty():
 		_link.watch(_arguments.parent_pid)
@@ -360,23 +288,13 @@ func _start() -> void:
 	_greet()
 
 
-func _guide(training: Node, link: LudusLink) -> void:
-	if _phase != Phase.MANUAL:
-		link.close()
-		training.take_leave("the game is being trained already")
-		return
-	_guidance.training = training
-	_link = link
-	_greet()
-
-
 func _greet() -> void:
 	var opening := LudusOpening.new()
-	if not opening.greet(_link, _arguments.token, _guidance):
+	if not opening.greet(_link, _arguments.token, self):
 		_fail(opening.code, opening.error, opening.hint)
 		return
 	_requests.open(opening.capabilities)
-	var is_built := opening.build(_guidance, self)
+	var is_built := opening.build(self)
 	_stage = opening.stage
 	_game = opening.game
 	if not is_built:
@@ -400,19 +318,5 @@ func _fail(code: String, message: String, hint: String = "") -> void:
 func _end(message: String) -> void:
 	if not message.empty():
 		printerr("ludus: ", message)
-	if _guidance.training != null:
-		_go_on_without_trainer(message)
-		return
 	_phase = Phase.ENDED
 	get_tree().quit(0 if message.empty() else 1)
-
-
-func _go_on_without_trainer(message: String) -> void:
-	_phase = Phase.MANUAL
-	_has_reset = false
-	_requests.close()
-	_link.close()
-	_link = null
-	_guidance.end(message, _stage)
-	_stage = null
-	_game = null

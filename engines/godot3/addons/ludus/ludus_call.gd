@@ -5,7 +5,6 @@ extends Reference
 const CEILING_METHOD := "run_ceiling"
 const TAKE_REQUESTS_METHOD := "take_requests"
 const SHOW_STATUS_METHOD := "show_status"
-const STAND_BY_METHOD := "stand_by"
 
 var _message: Dictionary = {}
 
@@ -19,17 +18,6 @@ func _init(payload: PoolByteArray) -> void:
 ## Whether the add-on itself is asked to measure the ceiling.
 func is_ceiling() -> bool:
 	return is_for_bridge() and _method() == CEILING_METHOD
-
-
-## Whether the game is told to go on by itself.
-func is_stand_by() -> bool:
-	return is_for_bridge() and _method() == STAND_BY_METHOD
-
-
-## The answer to a call that has nothing to return.
-func answer_nothing() -> PoolByteArray:
-	var result := {"id": int(_message.get("id", 0)), "value": null}
-	return LudusWire.json_frame(LudusWire.Type.RESULT, result)
 
 
 ## Whether the add-on itself is called.

@@ -41,14 +41,7 @@ func open(max_episode_steps: int, ticks_override: int) -> bool:
 		var worlds := PoolIntArray()
 		for slot in rosters[name].size():
 			worlds.append(slot / _slots_per_world[name])
-		var batch_class: GDScript = (
-			LudusSimulationBatch
-			if LudusSimulationBatch.fits(rosters[name])
-			else LudusPolicyBatch
-		)
-		var policy: LudusPolicyBatch = batch_class.new(
-			name, rosters[name], worlds, max_episode_steps
-		)
+		var policy := LudusPolicyBatch.new(name, rosters[name], worlds, max_episode_steps)
 		policies.append(policy)
 		action_bytes += policy.action_bytes()
 		_num_agents_in_world += _slots_per_world[name]
@@ -170,7 +163,7 @@ func find_target(target: Dictionary) -> Object:
 		return null
 	var root: Node = _stage.worlds[i].root
 	if target.get("agent") == null:
-		return root.simulation if root is LudusSimulationHost else root
+		return root
 	var agent := root.get_node_or_null(NodePath(str(target["agent"]))) as LudusAgent
 	return agent.target if agent != null else null
 
@@ -201,7 +194,6 @@ func _rosters() -> Dictionary:
 
 func _agents_of(world: LudusWorld) -> Dictionary:
 	var by_policy := {}
-	_note_host_error(world)
 	for node in _nodes_under(world.root) + [world.root]:
 		var agent := node as LudusAgent
 		if agent == null or not agent.enabled:
@@ -273,7 +265,7 @@ func _continue_after(policy: LudusPolicyBatch, slot: int, ended: Array) -> void:
 		world.begin_episode()
 		if _num_agents_in_world == 1:
 			world.emit_signal("episode_started")
-			if world.settle_ticks > 0 or not world.is_ready:
+			if world.settle_ticks > 0:
 				_settling.append(world)
 		agent.target.reset()
 		policy.activate(slot)
@@ -338,9 +330,8 @@ func _begin_episode(i: int) -> void:
 			if policy.agents[slot] != null:
 				policy.agents[slot].target.reset()
 				policy.activate(slot)
-	if world.settle_ticks > 0 or not world.is_ready:
+	if world.settle_ticks > 0:
 		_settling.append(world)
-	_note_host_error(world)
 
 
 func _drop_leavers() -> void:
@@ -379,11 +370,6 @@ func _admit(agent: LudusAgent, i: int) -> void:
 			% [agent.path_in_world(), agent.policy_name]
 		)
 	)
-
-
-func _note_host_error(world: LudusWorld) -> void:
-	if world.root is LudusSimulationHost and error.empty():
-		error = world.root.error
 
 
 func _gather_errors() -> void:

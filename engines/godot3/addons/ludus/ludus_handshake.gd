@@ -20,14 +20,11 @@ var hint: String = ""
 
 var _link: LudusLink
 var _token: String
-var _training: Dictionary
 
 
-## [param training] is what a game that guides its training tells; empty where it does not.
-func _init(link: LudusLink, token: String, training: Dictionary) -> void:
+func _init(link: LudusLink, token: String) -> void:
 	_link = link
 	_token = token
-	_training = training
 
 
 ## Greets the trainer and takes its settings. Returns false if they cannot work together.
@@ -72,7 +69,7 @@ func integer(key: String, default: int) -> int:
 
 func _hello() -> Dictionary:
 	var version := Engine.get_version_info()
-	var hello := {
+	return {
 		"protocol": {"min": LudusWire.PROTOCOL_MIN, "max": LudusWire.PROTOCOL_MAX},
 		"addon": LudusWire.ADDON_VERSION,
 		"engine":
@@ -83,9 +80,6 @@ func _hello() -> Dictionary:
 		"capabilities": LudusWire.CAPABILITIES,
 		"token": _token,
 	}
-	if not _training.empty():
-		hello["training"] = _training
-	return hello
 
 
 func _accept(welcome: Dictionary) -> bool:

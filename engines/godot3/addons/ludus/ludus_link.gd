@@ -7,7 +7,6 @@ extends Reference
 ## sockets.
 
 const CONNECT_POLL_MS := 5
-const WAIT_POLL_US := 300
 const WATCH_INTERVAL_MS := 100
 const FRAME_TIMEOUT_MS := 30000
 ## Between one look and the next it takes so long only if the core was taken away meanwhile.
@@ -97,20 +96,6 @@ func watch(parent_pid: int) -> void:
 ## Sends a whole frame. Returns false if the connection has ended.
 func send(frame: PoolByteArray) -> bool:
 	return _stream.put_data(frame) == OK
-
-
-## Waits until something has come, or the connection has ended, for at most [param timeout_ms]
-## milliseconds. Returns whether that is so: then [method receive] does not wait for long.
-func wait_for_data(timeout_ms: int) -> bool:
-	_spin()
-	var deadline := OS.get_ticks_msec() + timeout_ms
-	while _stream.get_available_bytes() == 0:
-		if _stream.get_status() != StreamPeerTCP.STATUS_CONNECTED:
-			return true
-		if OS.get_ticks_msec() >= deadline:
-			return false
-		OS.delay_usec(WAIT_POLL_US)
-	return true
 
 
 ## Reads one frame into [member type] and [member payload]. Returns false if the connection has

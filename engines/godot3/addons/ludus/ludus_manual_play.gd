@@ -21,7 +21,7 @@ func advance() -> void:
 			continue
 		if agent.target == null:
 			_begin(agent)
-		elif agent.world.index == 0 and agent.has_manual_action() and agent.world.is_ready:
+		elif agent.world.index == 0 and agent.has_manual_action():
 			_play(agent)
 	_tick += 1
 

@@ -53,10 +53,12 @@ static func show_scene(path: String, bridge: Node) -> bool:
 
 
 ## Greets the trainer, and loads the scene it asks for. Returns false if that cannot be.
-func greet(link: LudusLink, token: String, guidance: LudusGuidance) -> bool:
-	_handshake = LudusHandshake.new(link, token, guidance.to_json())
+func greet(link: LudusLink, token: String, bridge: Node) -> bool:
+	_handshake = LudusHandshake.new(link, token)
 	if _handshake.greet():
-		_scene = _handshake.load_scene(guidance.scene_path())
+		var current := bridge.get_tree().current_scene
+		var is_game := current != null and current != bridge
+		_scene = _handshake.load_scene(current.filename if is_game else "")
 	if _scene == null:
 		code = _handshake.code
 		error = _handshake.error
@@ -66,10 +68,13 @@ func greet(link: LudusLink, token: String, guidance: LudusGuidance) -> bool:
 	return true
 
 
-## Makes the worlds it asks for, under [param parent]. Returns false if that cannot be.
-func build(guidance: LudusGuidance, parent: Node) -> bool:
-	guidance.clear_the_stage()
-	_make_stage(guidance, parent)
+## Makes the worlds it asks for, under [param bridge], in the place of the current scene. Returns
+## false if that cannot be.
+func build(bridge: Node) -> bool:
+	var current := bridge.get_tree().current_scene
+	if current != null and current != bridge:
+		current.free()
+	_make_stage(bridge)
 	var max_steps := _handshake.integer("max_episode_steps", 0)
 	if not game.open(max_steps, _handshake.integer("ticks_per_step", 0)):
 		code = "config"
@@ -88,16 +93,14 @@ func spec_frame() -> PoolByteArray:
 	return LudusWire.json_frame(LudusWire.Type.SPEC, spec)
 
 
-func _make_stage(guidance: LudusGuidance, parent: Node) -> void:
-	var world_scene := LudusOuterScene.enter(_scene, parent.get_tree())
+func _make_stage(parent: Node) -> void:
 	stage = LudusStage.new()
 	stage.name = "Stage"
 	parent.add_child(stage)
 	stage.configure(
-		world_scene,
+		_scene,
 		_handshake.integer("num_worlds", 1),
 		_handshake.integer("first_world", 0),
 		str(_handshake.config.get("layout", "scene"))
 	)
-	stage.num_drawn = guidance.num_drawn() if world_scene == _scene else 0
 	game = LudusGame.new(stage)

@@ -120,7 +120,7 @@ func episode_return(slot: int) -> float:
 func act(tick: int) -> void:
 	_active_slots.clear()
 	for slot in batch.agents.size():
-		if _ready_at[slot] >= 0 and _ready_at[slot] <= tick and worlds[slot].is_ready:
+		if _ready_at[slot] >= 0 and _ready_at[slot] <= tick:
 			_ready_at[slot] = -1
 			batch.activate(slot)
 		if batch.active[slot] == 1:

@@ -8,17 +8,11 @@ const CAPABILITY := "requests"
 ## Requests that wait at most; one more and the oldest is dropped.
 const MAX_WAITING := 256
 const MAX_NAME_LENGTH := 128
-## The capability of a trainer that the game guides.
-const GUIDED_CAPABILITY := "guided"
 ## Words of the protocol, in the order of [enum LudusBridge.PolicyMode].
 const MODES := ["train", "frozen", "deterministic"]
 
 ## Why requests are refused; empty: a trainer takes them.
 var refusal: String = "no trainer is connected"
-## Whether the trainer lets the game guide it.
-var is_guided: bool = false
-## Why the last request that was refused was refused.
-var complaint: String = ""
 ## The policies there are; empty as long as that is not known.
 var policy_names: Array = []
 
@@ -29,7 +23,6 @@ var _has_told_overflow: bool = false
 
 ## Lets requests in, if the trainer takes them.
 func open(capabilities: Array) -> void:
-	is_guided = GUIDED_CAPABILITY in capabilities
 	if CAPABILITY in capabilities:
 		refusal = ""
 	else:
@@ -44,21 +37,6 @@ func set_mode(policy: String, mode: int) -> bool:
 		var known := PoolStringArray(policy_names).join(", ")
 		return _complain('there is no policy "%s"; the game has: %s' % [policy, known])
 	return add({"kind": "set_mode", "policy": policy, "mode": MODES[mode]})
-
-
-## Lets no more requests in, as the trainer has gone.
-func close() -> void:
-	refusal = "no trainer is connected"
-	is_guided = false
-	policy_names = []
-	_waiting = []
-
-
-## Asks for something that only a trainer does which the game guides. Returns whether there is one.
-func add_guided(kind: String) -> bool:
-	if refusal.empty() and not is_guided:
-		return _complain("%s is ignored: the game does not guide this trainer" % kind)
-	return add({"kind": kind})
 
 
 ## Puts a request at the end of the queue; one that equals it and still waits is dropped, so that
@@ -91,7 +69,6 @@ func flags() -> int:
 
 
 func _complain(text: String, is_told: bool = true) -> bool:
-	complaint = text
 	if is_told:
 		push_warning("ludus: " + text)
 	return false

@@ -2,9 +2,11 @@ class_name LudusStage
 extends Node
 ## Makes copies of a scene and keeps them apart (ARCHITECTURE.md, world cloning).
 
-const MAX_BULLET_SPACES := LudusSimulationSpaces.MAX_BULLET_SPACES
-const PHYSICS_SETTING := LudusSimulationSpaces.ENGINE_SETTING
-const GODOT_PHYSICS := LudusSimulationSpaces.GODOT_PHYSICS
+## Bullet counts active spaces in eight bits, and steps none of them when there are more than 127;
+## one is the root's.
+const MAX_BULLET_SPACES := 126
+const PHYSICS_SETTING := "physics/3d/physics_engine"
+const GODOT_PHYSICS := "GodotPhysics"
 
 ## The worlds, in order.
 var worlds: Array = []
@@ -110,12 +112,9 @@ func set_running(running: Array) -> void:
 	PhysicsServer.set_active(true)
 	for world in worlds:
 		var runs: bool = all or world in running
-		if world.root is LudusSimulationHost:
-			world.root.set_running(runs, not all)
-		else:
-			var viewport: Viewport = world.root.get_viewport()
-			Physics2DServer.space_set_active(viewport.world_2d.space, runs)
-			PhysicsServer.space_set_active(_space_of(world), runs)
+		var viewport: Viewport = world.root.get_viewport()
+		Physics2DServer.space_set_active(viewport.world_2d.space, runs)
+		PhysicsServer.space_set_active(_space_of(world), runs)
 		world.root.pause_mode = (
 			Node.PAUSE_MODE_PROCESS
 			if runs and not all
@@ -161,7 +160,7 @@ func _choose_layout(world: LudusWorld, root: Node) -> bool:
 	layout = world.layout
 	if _layout_name != "scene":
 		layout = LudusWorld.Layout.GRID if _layout_name == "grid" else LudusWorld.Layout.ISOLATED
-	_is_3d = _has_spatial(root) or root is LudusSimulationHost and layout == LudusWorld.Layout.GRID
+	_is_3d = _has_spatial(root)
 	if layout == LudusWorld.Layout.ISOLATED:
 		if _is_3d and _num_worlds > MAX_BULLET_SPACES and _has_bullet():
 			error = (
@@ -246,9 +245,7 @@ func _place(root: Node, i: int, spacing: Vector3) -> void:
 	for axis in axes:
 		place[axis] = (rest % side - (side - 1) / 2) * spacing[axis]
 		rest /= side
-	if root is LudusSimulationHost:
-		(root as LudusSimulationHost).place(place)
-	elif root is Node2D:
+	if root is Node2D:
 		(root as Node2D).position += Vector2(place.x, place.y)
 	else:
 		(root as Spatial).translation += place
@@ -257,7 +254,7 @@ func _place(root: Node, i: int, spacing: Vector3) -> void:
 ## The axes along which copies are put.
 static func _axes(root: Node, spacing: Vector3) -> PoolIntArray:
 	var axes := PoolIntArray()
-	for axis in 2 if root is Node2D and not root is LudusSimulationHost else 3:
+	for axis in 2 if root is Node2D else 3:
 		if spacing[axis] > 0.0:
 			axes.append(axis)
 	return axes

@@ -33,7 +33,7 @@ enum ResetAction {
 const PROTOCOL_MIN := 1
 const PROTOCOL_MAX := 1
 const ADDON_VERSION := "0.1.0"
-const CAPABILITIES := ["call", "ceiling", "guided", "rebuild", "requests", "reset_worlds"]
+const CAPABILITIES := ["call", "ceiling", "rebuild", "requests", "reset_worlds"]
 const HEADER_BYTES := 8
 const MAX_PAYLOAD_BYTES := 268435456
 const MAX_JSON_BYTES := 16777216

@@ -53,9 +53,6 @@ var index: int = 0
 var num_episodes: int = 0
 ## Number of episodes begun since the world was made.
 var num_beginnings: int = 0
-## Whether the episode that has begun can be observed; false while a [LudusSimulation] awaits ticks
-## to begin it.
-var is_ready: bool = true
 ## Whether people see this copy of the scene: what only draws may be left out where they do not.
 var is_drawn: bool = not OS.has_feature("Server")
 ## Root of this copy of the scene.

@@ -33,7 +33,7 @@ class AgentAnswer(NamedTuple):
 class Client:
     """The four endpoints of bevy_rl, as calls.
 
-    ``bevy_ludus::rest`` sends the state along with the answer to a step; a program made with
+    ``bevy_ludus_rest`` sends the state along with the answer to a step; a program made with
     bevy_rl is asked for it in a second request. That one is not sent together with the first, as
     the program would then hold back the second answer until the first one is acknowledged, which
     takes 40 ms.

@@ -1,6 +1,7 @@
 //! What happens around the ticks of one step, in the app that holds the worlds.
 
 use crate::ending::{begin_world, collect, mark_next, note_begun};
+use crate::error::GameError;
 use crate::opening::rebuild;
 use crate::schedules::{Act, ControlState, Judge, Observe, Reset};
 use crate::stage::{Pass, Settings, Stage};
@@ -8,9 +9,10 @@ use crate::systems::{ReadActions, WriteRows};
 use crate::wire::ResetAction;
 use crate::world::LudusWorld;
 use bevy_ecs::prelude::*;
+// On the web, the clock of the standard library panics; this one is the browser's there.
 use bevy_state::prelude::*;
 use serde_json::Value;
-use std::time::Instant;
+use web_time::Instant;
 
 /// What a `RESET` does to one world.
 #[derive(Clone, Debug)]
@@ -95,7 +97,7 @@ fn prepare(world: &mut World, stage: &Stage, number: usize, reset: &WorldReset) 
 }
 
 /// Lets the game set up the episodes that begin, and observes them.
-fn set_up(world: &mut World, marked: Result<(), String>) {
+fn set_up(world: &mut World, marked: Result<(), GameError>) {
     if let Err(error) = marked {
         world.resource_mut::<Stage>().error = Some(error);
         return;
@@ -119,7 +121,7 @@ fn observe_pass(world: &mut World, pass: Pass) {
     run(world, Observe);
     run(world, WriteRows);
     #[cfg(feature = "camera")]
-    crate::camera::look(world);
+    crate::camera::draw_observations(world);
 }
 
 /// Changes the state at once. Apps of isolated worlds always run.

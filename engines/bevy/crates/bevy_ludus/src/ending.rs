@@ -1,9 +1,10 @@
 //! What a step has brought, and how the next episodes begin.
 
 use crate::components::{Agent, Episode, Reward, Slot};
+use crate::error::GameError;
 use crate::opening::respawn_world;
 use crate::policy::Policies;
-use crate::roster::take_seat;
+use crate::roster::assign_slot;
 use crate::stage::Stage;
 use crate::wire::EpisodeMode;
 use crate::world::{InWorld, LudusWorld};
@@ -66,7 +67,7 @@ fn keep_finals(stage: &mut Stage) {
 }
 
 /// Marks the episodes that begin after a step. The schedule `Reset` then sets them up.
-pub(crate) fn mark_next(world: &mut World, mode: EpisodeMode) -> Result<(), String> {
+pub(crate) fn mark_next(world: &mut World, mode: EpisodeMode) -> Result<(), GameError> {
     world.resource_scope(|world, mut stage: Mut<Stage>| {
         admit_newcomers(world, &mut stage);
         let ended = stage.ended.clone();
@@ -82,6 +83,8 @@ pub(crate) fn mark_next(world: &mut World, mode: EpisodeMode) -> Result<(), Stri
                 _ => emptied.push(number),
             }
         }
+        // Slots come by policy: the worlds of one policy lie side by side, so that the first pass
+        // leaves little to sort.
         emptied.dedup();
         emptied.sort_unstable();
         emptied.dedup();
@@ -92,13 +95,13 @@ pub(crate) fn mark_next(world: &mut World, mode: EpisodeMode) -> Result<(), Stri
     })
 }
 
-/// Marks that all agents of a world begin an episode; a world that has lost or won agents is made
-/// anew first.
+/// Marks that all agents of a world begin an episode. A world that has lost or won agents is
+/// rebuilt first.
 pub(crate) fn begin_world(
     world: &mut World,
     stage: &mut Stage,
     number: usize,
-) -> Result<(), String> {
+) -> Result<(), GameError> {
     if !stage.is_complete(number) {
         respawn_world(world, stage, number)?;
     }
@@ -149,13 +152,13 @@ fn admit_newcomers(world: &mut World, stage: &mut Stage) {
         if let Some(slot) = free_slot(world, stage, agent) {
             let policies = world.resource::<Policies>().clone();
             stage.rosters[slot.policy].agents[slot.index] = Some(agent);
-            take_seat(world, &policies, agent, slot);
+            assign_slot(world, &policies, agent, slot);
             begin_agent(world, stage, agent, slot);
         }
     }
 }
 
-/// Finds a free slot, unless the agent has gone or has one. Without one the game is told.
+/// Finds a free slot, unless the agent has gone or has one. That there is none is an error.
 fn free_slot(world: &World, stage: &mut Stage, entity: Entity) -> Option<Slot> {
     let agent = world.get::<Agent>(entity)?;
     if world.get::<Slot>(entity).is_some() {
@@ -172,8 +175,7 @@ fn free_slot(world: &World, stage: &mut Stage, entity: Entity) -> Option<Slot> {
     };
     let slot = number.and_then(|number| stage.slots_of(number).into_iter().find(is_free));
     if slot.is_none() {
-        let text = "has joined, and its world has no free slot of its policy; raise spare_slots()";
-        stage.error = Some(format!("an agent of the policy {} {text}", agent.policy));
+        stage.error = Some(GameError::NoFreeSlot(agent.policy.clone()));
     }
     slot
 }

@@ -1,6 +1,8 @@
 //! Methods of the game that the trainer may call (PROTOCOL.md §8).
 
+#[cfg(feature = "trainer")]
 use crate::stage::Stage;
+#[cfg(feature = "trainer")]
 use crate::wire::Call;
 use bevy_ecs::prelude::*;
 use bevy_ecs::system::SystemId;
@@ -28,6 +30,7 @@ pub(crate) struct Methods {
 }
 
 /// Calls a method of a world that lives in this app. `number` is its index here.
+#[cfg(feature = "trainer")]
 pub(crate) fn call(world: &mut World, call: &Call, number: usize) -> MethodResult {
     let stage = world
         .get_resource::<Stage>()
@@ -54,6 +57,7 @@ pub(crate) fn call(world: &mut World, call: &Call, number: usize) -> MethodResul
         .map_err(|error| error.to_string())?
 }
 
+#[cfg(feature = "trainer")]
 fn find_agent(stage: &Stage, number: usize, path: &str) -> Result<Entity, String> {
     let find = |slot: &crate::components::Slot| {
         let spec = &stage.spec.policies[slot.policy].agents[slot.index];

@@ -1,7 +1,9 @@
 //! Worlds are spawned, and the spec is made of what the game put into them.
 
+use crate::components::Slot;
+use crate::error::GameError;
 use crate::policy::Policies;
-use crate::roster::{Roster, enlist};
+use crate::roster::{Roster, assign_slot, fill_rosters};
 use crate::stage::{Settings, Stage};
 use crate::wire::{PolicySpec, Spec, WorldLayout};
 use crate::world::LudusWorld;
@@ -20,7 +22,7 @@ pub(crate) struct Opening {
 }
 
 /// Spawns the worlds of an app and describes them.
-pub(crate) fn open(world: &mut World, opening: Opening) -> Result<(), String> {
+pub(crate) fn open(world: &mut World, opening: Opening) -> Result<(), GameError> {
     let worlds: Vec<_> = (0..opening.num_worlds as u64)
         .map(|number| {
             world
@@ -29,9 +31,9 @@ pub(crate) fn open(world: &mut World, opening: Opening) -> Result<(), String> {
         })
         .collect();
     world.flush();
-    let mut rosters = enlist(world, &worlds)?;
+    let mut rosters = fill_rosters(world, &worlds)?;
     if rosters.is_empty() {
-        return Err("the app has no policy; call app.add_policy::<O, A>(Policy::new(…))".into());
+        return Err(GameError::NoPolicy);
     }
     if let Some(steps) = opening.max_episode_steps {
         rosters
@@ -39,7 +41,7 @@ pub(crate) fn open(world: &mut World, opening: Opening) -> Result<(), String> {
             .for_each(|roster| roster.max_steps = steps);
     }
     let spec = describe(world, opening, &rosters);
-    spec.validate().map_err(|error| error.to_string())?;
+    spec.validate()?;
     world.insert_resource(Stage::new(spec, rosters, worlds));
     Ok(())
 }
@@ -72,8 +74,8 @@ fn describe(world: &mut World, opening: Opening, rosters: &[Roster]) -> Spec {
     }
 }
 
-/// Makes all worlds of an app anew.
-pub(crate) fn rebuild(world: &mut World) -> Result<(), String> {
+/// Despawns all worlds of an app and spawns them again.
+pub(crate) fn rebuild(world: &mut World) -> Result<(), GameError> {
     world.resource_mut::<Stage>().is_rebuilding = true;
     let old = std::mem::take(&mut world.resource_mut::<Stage>().worlds);
     let successors: Vec<_> = old
@@ -88,15 +90,9 @@ pub(crate) fn rebuild(world: &mut World) -> Result<(), String> {
         .map(|successor| world.spawn(successor).id())
         .collect();
     world.flush();
-    let rosters = enlist(world, &worlds)?;
+    let rosters = fill_rosters(world, &worlds)?;
     let mut stage = world.resource_mut::<Stage>();
-    let is_alike = rosters
-        .iter()
-        .zip(&stage.rosters)
-        .all(|(new, old)| new.per_world == old.per_world && new.agents.len() == old.agents.len());
-    if !is_alike {
-        return Err("the worlds came back with other agents than they had at the start".into());
-    }
+    check_rebuilt(&stage, &rosters)?;
     for (own, new) in stage.rosters.iter_mut().zip(rosters) {
         (own.agents, own.active) = (new.agents, new.active);
     }
@@ -108,15 +104,15 @@ pub(crate) fn rebuild(world: &mut World) -> Result<(), String> {
     Ok(())
 }
 
-/// Makes one world anew, as its agents have left or others have joined.
+/// Despawns one world and spawns it again, as its agents have left or others have joined.
 pub(crate) fn respawn_world(
     world: &mut World,
     stage: &mut Stage,
     number: usize,
-) -> Result<(), String> {
+) -> Result<(), GameError> {
     let old = stage.worlds[number];
     let Some(successor) = world.get::<LudusWorld>(old).map(LudusWorld::successor) else {
-        return Err(format!("the game has despawned world {number}"));
+        return Err(GameError::WorldDespawned(number));
     };
     // The stage is out of the app here, so that observers note neither leavers nor newcomers.
     world.despawn(old);
@@ -124,22 +120,30 @@ pub(crate) fn respawn_world(
     world.flush();
     stage.worlds[number] = entity;
     let policies = world.resource::<Policies>().clone();
-    let rosters = enlist(world, &[entity])?;
+    let rosters = fill_rosters(world, &[entity])?;
+    check_rebuilt(stage, &rosters)?;
     for (policy, (own, new)) in stage.rosters.iter_mut().zip(rosters).enumerate() {
-        if new.per_world != own.per_world {
-            return Err(format!(
-                "world {number} came back with other agents than before"
-            ));
-        }
         for (offset, agent) in new.agents.into_iter().enumerate() {
             let index = number * own.per_world + offset;
             own.agents[index] = agent;
             own.active[index] = 0;
             if let Some(agent) = agent {
-                let slot = crate::components::Slot { policy, index };
-                crate::roster::take_seat(world, &policies, agent, slot);
+                assign_slot(world, &policies, agent, Slot { policy, index });
             }
         }
     }
     Ok(())
+}
+
+/// Checks that worlds have as many slots as before: the spec promises the trainer fixed shapes.
+fn check_rebuilt(stage: &Stage, rosters: &[Roster]) -> Result<(), GameError> {
+    let mut pairs = rosters.iter().zip(&stage.rosters).enumerate();
+    let differing = pairs.find(|(_, (new, old))| new.per_world != old.per_world);
+    differing.map_or(Ok(()), |(policy, (new, old))| {
+        Err(GameError::Rebuilt {
+            policy: stage.spec.policies[policy].name.clone(),
+            count: new.per_world,
+            expected: old.per_world,
+        })
+    })
 }

@@ -2,20 +2,20 @@
 //! game or by people; in real time, or without a window as fast as it can.
 
 use crate::advance::{WorldReset, begin_next, judge, observe, reset_worlds, run};
-use crate::link::CommandLine;
+use crate::error::{GameError, end_with_error};
 use crate::opening::{Opening, open};
 use crate::policy_player::PolicyPlayer;
 use crate::policy_plugin::PolicySources;
 use crate::schedules::Act;
 use crate::stage::{Settings, Stage};
 use crate::systems::ReadActions;
-use crate::trainer::Failure;
-use crate::wire::{ErrorCode, ResetAction, WorldLayout};
+use crate::wire::{ResetAction, WorldLayout};
 use bevy_app::AppExit;
 use bevy_ecs::prelude::*;
 use bevy_time::{Time, TimeUpdateStrategy, Virtual};
 use serde_json::Value;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
+use web_time::{SystemTime, UNIX_EPOCH};
 
 /// Marks an app that plays without a trainer.
 #[derive(Resource, Debug, Default)]
@@ -27,25 +27,30 @@ pub(crate) struct Play {
     kept_active: Vec<Vec<u8>>,
 }
 
+/// Plays with the policies that the app brings along; what goes wrong is printed and ends it.
+#[cfg(not(feature = "trainer"))]
+pub(crate) fn start_alone(world: &mut World) {
+    let sources = world.remove_resource::<PolicySources>().unwrap_or_default();
+    if let Err(error) = start(world, &sources) {
+        end_with_error(world, &error, error.hint());
+    }
+}
+
 /// Spawns the one world and begins its first episode.
-pub(crate) fn start(world: &mut World, arguments: &CommandLine) -> Result<(), Failure> {
+pub(crate) fn start(world: &mut World, sources: &PolicySources) -> Result<(), GameError> {
     #[cfg(feature = "camera")]
     crate::camera::check_renderer(world)?;
-    let fail = |error: String| Failure::new(ErrorCode::Config, error, "");
-    let mut sources = world.remove_resource::<PolicySources>().unwrap_or_default();
-    sources.overlay(arguments);
-    let layout = WorldLayout::Grid;
     let opening = Opening {
         num_worlds: 1,
         first_world: 0,
-        layout,
+        layout: WorldLayout::Grid,
         max_episode_steps: None,
         ticks_per_step: None,
     };
-    open(world, opening).map_err(fail)?;
+    open(world, opening)?;
     let seed = sources.seed.unwrap_or_else(seed_of_clock);
     let stage = world.resource::<Stage>();
-    let player = PolicyPlayer::open(&stage.spec, &sources, seed)?;
+    let player = PolicyPlayer::open(&stage.spec, sources, seed)?;
     let kept_active = stage
         .rosters
         .iter()
@@ -65,10 +70,10 @@ pub(crate) fn start(world: &mut World, arguments: &CommandLine) -> Result<(), Fa
         player,
         kept_active,
     });
-    if arguments.is_headless && !arguments.is_real_time {
-        hurry(world);
+    if sources.is_uncapped {
+        run_uncapped(world);
     }
-    error.map_or(Ok(()), |error| Err(fail(error)))
+    error.map_or(Ok(()), Err)
 }
 
 fn seed_of_clock() -> u64 {
@@ -77,7 +82,7 @@ fn seed_of_clock() -> u64 {
 }
 
 /// Lets every update of the app be a step, whatever the clock on the wall says.
-fn hurry(world: &mut World) {
+fn run_uncapped(world: &mut World) {
     let ticks = world.resource::<Settings>().ticks_per_step;
     world
         .resource_mut::<Time<Virtual>>()
@@ -86,7 +91,7 @@ fn hurry(world: &mut World) {
 }
 
 /// Runs at the beginning of every tick: every `ticks_per_step` ticks a step is over, and the agents
-/// decide anew.
+/// decide again.
 pub(crate) fn tick(world: &mut World) {
     let ticks = world.resource::<Settings>().ticks_per_step;
     world.resource_scope(|world, mut play: Mut<Play>| {
@@ -120,8 +125,7 @@ fn end_step(world: &mut World, player: &mut PolicyPlayer) {
         return;
     }
     if let Some(error) = world.resource_mut::<Stage>().error.take() {
-        complain(&error);
-        world.write_message(AppExit::error());
+        end_with_error(world, &error, error.hint());
     }
 }
 
@@ -146,9 +150,4 @@ fn decide(world: &mut World, play: &mut Play) {
             stage.rosters[policy].active.copy_from_slice(kept);
         }
     }
-}
-
-#[allow(clippy::print_stderr)]
-fn complain(error: &str) {
-    eprintln!("ludus: {error}");
 }

@@ -1,36 +1,35 @@
 //! The plugin, and what it adds to `App`.
 
 use crate::advance::{apply_actions, begin_next, judge, observe};
-use crate::exchange::exchange;
-use crate::isolated::IsolatedWorlds;
 use crate::methods::{Arguments, MethodResult, Methods};
-use crate::pace::{Pace, keep_pace};
 use crate::play::{Play, tick};
 use crate::policy::{Policies, Policy, PolicyEntry};
 use crate::policy_plugin::EpisodeEnded;
 use crate::requests::{Requests, TrainingStatus};
-use crate::schedules::{Act, ControlState, Exchange, Judge, Observe, Reset};
+use crate::schedules::{
+    Act, ControlState, Judge, LudusSystems, Observe, Reset, fit_executors_to_cores,
+};
 use crate::stage::{Settings, Stage};
 use crate::systems::{
     ReadActions, WriteRows, note_leaver, note_newcomer, read_actions, write_masks,
     write_observations,
 };
+#[cfg(feature = "trainer")]
+use crate::training::{IsolatedWorlds, Pace, exchange, keep_pace};
 use crate::wire::{EpisodeMode, WorldLayout};
 use crate::{components, space};
 use bevy_app::prelude::*;
-use bevy_app::{RunFixedMainLoop, RunFixedMainLoopSystems, SubApp};
+use bevy_app::{RunFixedMainLoop, RunFixedMainLoopSystems};
 use bevy_ecs::prelude::*;
-use bevy_ecs::schedule::{ScheduleLabel, Schedules, SingleThreadedExecutor};
+use bevy_ecs::schedule::{ScheduleLabel, SingleThreadedExecutor};
 use bevy_state::app::{AppExtStates, StatesPlugin};
-use bevy_tasks::ComputeTaskPool;
 use bevy_time::{TimePlugin, TimeSystems};
 use std::sync::Arc;
 
 /// Steps the app in lock-step with a trainer.
 ///
-/// Add it after Bevy's own plugins. The transport is another plugin,
-/// [`LudusTcpPlugin`](crate::LudusTcpPlugin); without it, or without a trainer, one world plays on
-/// its own.
+/// Add it after Bevy's own plugins. The transport is another plugin, `LudusTcpPlugin`; without it,
+/// without a trainer, or without the feature `trainer`, one world plays on its own.
 ///
 /// ```
 /// # use bevy_app::prelude::*;
@@ -40,7 +39,9 @@ use std::sync::Arc;
 #[derive(Clone)]
 pub struct LudusPlugin {
     settings: Settings,
+    #[cfg_attr(not(feature = "trainer"), allow(dead_code))]
     layout: WorldLayout,
+    #[cfg_attr(not(feature = "trainer"), allow(dead_code))]
     isolated_by: Option<IsolatedBy>,
 }
 
@@ -108,35 +109,34 @@ impl LudusPlugin {
 impl Plugin for LudusPlugin {
     fn build(&self, app: &mut App) {
         build_core(app, &self.settings);
+        app.add_message::<EpisodeEnded>()
+            .add_systems(FixedFirst, tick.run_if(resource_exists::<Play>));
+        #[cfg(feature = "trainer")]
         app.insert_resource(IsolatedWorlds::new(self.layout, self.isolated_by.clone()))
-            .add_message::<EpisodeEnded>()
             .add_systems(
                 First,
                 (keep_pace.run_if(resource_exists::<Pace>), exchange)
                     .chain()
-                    .in_set(Exchange)
+                    .in_set(LudusSystems::Exchange)
                     .before(TimeSystems),
-            )
-            .add_systems(FixedFirst, tick.run_if(resource_exists::<Play>));
+            );
+        #[cfg(not(feature = "trainer"))]
+        app.add_systems(
+            First,
+            crate::play::start_alone
+                .run_if(run_once)
+                .in_set(LudusSystems::Exchange)
+                .before(TimeSystems),
+        );
     }
 
     fn finish(&self, app: &mut App) {
-        // A trainer gives each engine one core. There, threads would only take turns.
-        if ComputeTaskPool::try_get().is_none_or(|pool| pool.thread_num() <= 1) {
-            run_on_one_thread(app.main_mut());
-        }
+        fit_executors_to_cores(app.main_mut());
     }
 
     #[cfg(feature = "camera")]
     fn cleanup(&self, app: &mut App) {
         crate::camera::take_renderer(app);
-    }
-}
-
-/// Lets all schedules of an app run on the thread that runs the app.
-pub(crate) fn run_on_one_thread(app: &mut SubApp) {
-    for (_, schedule) in app.world_mut().resource_mut::<Schedules>().iter_mut() {
-        schedule.set_executor(SingleThreadedExecutor::new());
     }
 }
 
@@ -151,7 +151,8 @@ pub(crate) fn build_core(app: &mut App, settings: &Settings) {
         .add_message::<TrainingStatus>()
         .add_observer(note_newcomer)
         .add_observer(note_leaver);
-    // One system, seldom two: threads would cost more than they save. Users may change it.
+    // One system, seldom two: handing it to a thread takes longer than it runs. `edit_schedule`
+    // changes that.
     make_single(app, Act);
     make_single(app, Judge);
     make_single(app, Observe);
@@ -166,12 +167,12 @@ pub(crate) fn build_core(app: &mut App, settings: &Settings) {
 
 fn add_steps(app: &mut App) {
     let before = apply_actions
-        .in_set(Act)
+        .in_set(LudusSystems::Act)
         .in_set(RunFixedMainLoopSystems::BeforeFixedMainLoop);
     let after = (
-        judge.in_set(Judge),
-        observe.in_set(Observe),
-        begin_next.in_set(Reset),
+        judge.in_set(LudusSystems::Judge),
+        observe.in_set(LudusSystems::Observe),
+        begin_next.in_set(LudusSystems::Reset),
     )
         .chain()
         .in_set(RunFixedMainLoopSystems::AfterFixedMainLoop);
@@ -219,7 +220,10 @@ fn count_tick(mut stage: ResMut<Stage>) {
 pub trait LudusApp {
     /// Adds a policy whose agents see an `O` and decide an `A`. Policies come in the order in which
     /// they were added; a second one of the same name takes the place of the first.
-    fn add_policy<O: space::Observe, A: space::Act>(&mut self, policy: Policy) -> &mut Self;
+    fn add_policy<O: space::ObservationSpace, A: space::ActionSpace>(
+        &mut self,
+        policy: Policy,
+    ) -> &mut Self;
 
     /// Lets the trainer call a method of the game, on a world or on an agent.
     fn add_ludus_method<M>(
@@ -230,7 +234,10 @@ pub trait LudusApp {
 }
 
 impl LudusApp for App {
-    fn add_policy<O: space::Observe, A: space::Act>(&mut self, policy: Policy) -> &mut Self {
+    fn add_policy<O: space::ObservationSpace, A: space::ActionSpace>(
+        &mut self,
+        policy: Policy,
+    ) -> &mut Self {
         let entry = PolicyEntry::new::<O, A>(policy);
         let mut policies = self.world_mut().get_resource_or_init::<Policies>();
         match policies.find(&entry.policy.name) {

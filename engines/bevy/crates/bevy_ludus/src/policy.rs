@@ -1,7 +1,7 @@
 //! Policies: what agents with one network have in common.
 
 use crate::components::{Action, ActionMask, Observation};
-use crate::space::{Act, Observe, RowReader};
+use crate::space::{ActionSpace, ObservationSpace, RowReader};
 use crate::wire::{
     ActionComponent, ActionFrame, ActionLayout, EpisodeMode, ObservationEntry, PolicySpec, Spec,
     WorldLayout,
@@ -53,7 +53,7 @@ impl Policy {
         entries
     }
 
-    /// Cuts episodes off after so many steps.
+    /// Truncates episodes after this many steps.
     #[must_use]
     pub fn max_episode_steps(mut self, steps: u32) -> Self {
         self.max_episode_steps = Some(steps);
@@ -89,11 +89,11 @@ pub(crate) struct PolicyEntry {
     pub observation: Vec<ObservationEntry>,
     pub action: Vec<ActionComponent>,
     /// Gives an agent the components it lacks.
-    pub complete: fn(&mut EntityWorldMut<'_>),
+    pub insert_components: fn(&mut EntityWorldMut<'_>),
 }
 
 impl PolicyEntry {
-    pub fn new<O: Observe, A: Act>(policy: Policy) -> Self {
+    pub fn new<O: ObservationSpace, A: ActionSpace>(policy: Policy) -> Self {
         let observation = O::entries();
         #[cfg(feature = "camera")]
         let observation = policy.with_camera_entries(observation);
@@ -101,7 +101,7 @@ impl PolicyEntry {
             policy,
             observation,
             action: A::components(),
-            complete: complete::<O, A>,
+            insert_components: insert_components::<O, A>,
         }
     }
 
@@ -122,8 +122,8 @@ impl PolicyEntry {
     }
 
     /// Gives an agent the components it lacks, and its mask.
-    pub fn equip(&self, agent: &mut EntityWorldMut<'_>) {
-        (self.complete)(agent);
+    pub fn insert_missing(&self, agent: &mut EntityWorldMut<'_>) {
+        (self.insert_components)(agent);
         if self.policy.has_action_mask && !agent.contains::<ActionMask>() {
             let size = self.to_spec(EpisodeMode::Agent).mask_size();
             agent.insert(ActionMask(vec![1; size]));
@@ -145,7 +145,7 @@ impl Policies {
     }
 }
 
-fn complete<O: Observe, A: Act>(agent: &mut EntityWorldMut<'_>) {
+fn insert_components<O: ObservationSpace, A: ActionSpace>(agent: &mut EntityWorldMut<'_>) {
     if !agent.contains::<Observation<O>>() {
         agent.insert(Observation(O::zero()));
     }
@@ -155,7 +155,7 @@ fn complete<O: Observe, A: Act>(agent: &mut EntityWorldMut<'_>) {
 }
 
 /// Returns the action that is all zeros: what an agent has before its first decision.
-fn first_action<A: Act>() -> A {
+fn first_action<A: ActionSpace>() -> A {
     let policy = PolicySpec {
         name: String::new(),
         num_agents: 1,

@@ -1,11 +1,11 @@
 //! Agents that trained policies play, while no trainer is there (POLICY.md §5).
 
+use crate::error::GameError;
 use crate::model::{ActionHead, PolicyModel, PolicyNetwork};
 use crate::policy_plugin::{EpisodeEnded, PolicySources};
 use crate::random::RandomStream;
 use crate::stage::Stage;
-use crate::trainer::Failure;
-use crate::wire::{ErrorCode, PolicySpec, Spec};
+use crate::wire::{PolicySpec, Spec};
 use std::io::Write;
 
 /// All policies that are played from files.
@@ -17,22 +17,23 @@ pub(crate) struct PolicyPlayer {
 
 impl PolicyPlayer {
     /// Reads the policies of a game and fits them to its agents.
-    pub fn open(spec: &Spec, sources: &PolicySources, seed: u64) -> Result<Self, Failure> {
+    pub fn open(spec: &Spec, sources: &PolicySources, seed: u64) -> Result<Self, GameError> {
         let mut played = Vec::new();
         for (name, place, model) in sources.load() {
-            let fail = |what: String, hint: &str| {
-                let text = format!("policy {name}: {what}");
-                Failure::new(ErrorCode::Config, text, hint)
-            };
             let Some(index) = spec.policies.iter().position(|own| own.name == name) else {
                 let known: Vec<_> = spec.policies.iter().map(|own| own.name.as_str()).collect();
-                let text = format!("the game has no such policy; it has: {}", known.join(", "));
-                return Err(fail(text, "name one of the game's policies"));
+                return Err(GameError::NoSuchPolicy {
+                    name: name.to_owned(),
+                    known: known.join(", "),
+                });
             };
             let agents = &spec.policies[index];
             let fitted = model.and_then(|model| model.fit(agents).map(|entries| (model, entries)));
-            let (model, entries) =
-                fitted.map_err(|error| fail(format!("{place}: {error}"), error.hint()))?;
+            let (model, entries) = fitted.map_err(|error| GameError::PolicyFile {
+                policy: name.to_owned(),
+                place,
+                error,
+            })?;
             let mut one = PlayedPolicy::new(&model, entries, index, agents);
             if sources.is_sampling {
                 one.random = Some(RandomStream::of_episode(seed, index as u64));
@@ -65,19 +66,19 @@ impl PolicyPlayer {
     /// Takes in what a step has brought, and passes on which episodes have ended.
     ///
     /// # Errors
-    /// Whoever reads the report has gone.
+    /// The program that reads the report has closed it.
     pub fn collect(
         &mut self,
         stage: &Stage,
-        mut tell: impl FnMut(EpisodeEnded),
+        mut report_end: impl FnMut(EpisodeEnded),
     ) -> std::io::Result<()> {
         let mut reported = Ok(());
         for played in &mut self.played {
             played.collect(stage, |ended| {
                 if self.has_report && reported.is_ok() {
-                    reported = report(&ended);
+                    reported = print_episode(&ended);
                 }
-                tell(ended);
+                report_end(ended);
             });
         }
         reported
@@ -173,7 +174,7 @@ impl PlayedPolicy {
         }
     }
 
-    fn collect(&mut self, stage: &Stage, mut tell: impl FnMut(EpisodeEnded)) {
+    fn collect(&mut self, stage: &Stage, mut report_end: impl FnMut(EpisodeEnded)) {
         let rewards = stage.batch.layout().policies[self.policy].reward;
         let roster = &stage.rosters[self.policy];
         self.is_playing.fill(false);
@@ -184,7 +185,7 @@ impl PlayedPolicy {
             self.num_steps[slot] += 1;
             self.is_playing[slot] = roster.active[slot] == 1;
             if !self.is_playing[slot] {
-                tell(EpisodeEnded {
+                report_end(EpisodeEnded {
                     policy: self.name.clone(),
                     agent: roster.agents[slot],
                     episode_return: self.returns[slot],
@@ -206,8 +207,8 @@ impl PlayedPolicy {
     }
 }
 
-/// Tells of an episode as POLICY.md §5 says.
-fn report(ended: &EpisodeEnded) -> std::io::Result<()> {
+/// Prints a line for an episode, as POLICY.md §5 says.
+fn print_episode(ended: &EpisodeEnded) -> std::io::Result<()> {
     let line = serde_json::json!({
         "policy": ended.policy, "return": ended.episode_return, "length": ended.num_steps,
     });

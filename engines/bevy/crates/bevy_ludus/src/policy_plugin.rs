@@ -1,5 +1,6 @@
 //! The plugin through which a game brings its trained policies along.
 
+#[cfg(feature = "trainer")]
 use crate::link::CommandLine;
 use crate::model::{PolicyFileError, PolicyModel};
 use bevy_app::prelude::*;
@@ -93,8 +94,10 @@ enum Source {
 pub(crate) struct PolicySources {
     sources: Vec<(String, Source)>,
     pub is_sampling: bool,
-    /// Whether every episode that ends is told on the standard output.
+    /// Whether a line is printed for every episode that ends.
     pub has_report: bool,
+    /// Whether every update of the app is a step, whatever the clock on the wall says.
+    pub is_uncapped: bool,
     pub seed: Option<u64>,
 }
 
@@ -105,12 +108,14 @@ impl PolicySources {
     }
 
     /// Takes over what the command line says.
+    #[cfg(feature = "trainer")]
     pub fn overlay(&mut self, arguments: &CommandLine) {
         for (name, path) in &arguments.policies {
             self.set(name.clone(), Source::File(path.clone()));
         }
         self.is_sampling |= arguments.is_sampling;
         self.has_report |= arguments.has_report;
+        self.is_uncapped |= arguments.is_headless && !arguments.is_real_time;
     }
 
     /// Reads the policies one by one; with each come its name and where it is, for messages.

@@ -1,4 +1,4 @@
-//! What the game asks of the trainer, and what it is told of the training (PROTOCOL.md §8).
+//! What the game asks of the trainer, and how it learns about the training (PROTOCOL.md §8).
 
 use bevy_ecs::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -55,7 +55,11 @@ impl Requests {
         }
         self.is_heard
     }
+}
 
+/// The trainer's side.
+#[cfg(feature = "trainer")]
+impl Requests {
     /// Lets requests in.
     pub(crate) fn open(&mut self) {
         self.is_heard = true;
@@ -83,7 +87,7 @@ impl Requests {
 pub struct PolicyStatus {
     /// The mode it is in.
     pub mode: String,
-    /// Mean return of its last episodes; none as long as there is none.
+    /// Mean return of its last episodes; none before the first has ended.
     pub mean_return: Option<f64>,
 }
 

@@ -1,6 +1,7 @@
-//! Who sits in which slot.
+//! Which agent has which slot.
 
 use crate::components::{Agent, Slot};
+use crate::error::GameError;
 use crate::policy::Policies;
 use crate::wire::{AgentSpec, PolicySpec};
 use crate::world::{InWorld, WorldMembers};
@@ -60,8 +61,8 @@ impl Roster {
 /// Finds the agents of some worlds, gives them their slots and their components.
 ///
 /// Agents come in the order in which they joined their world.
-pub(crate) fn enlist(world: &mut World, worlds: &[Entity]) -> Result<Vec<Roster>, String> {
-    check_strays(world)?;
+pub(crate) fn fill_rosters(world: &mut World, worlds: &[Entity]) -> Result<Vec<Roster>, GameError> {
+    check_all_have_worlds(world)?;
     let policies = world.get_resource_or_init::<Policies>().clone();
     let mut rosters = vec![Roster::default(); policies.entries.len()];
     for (number, entity) in worlds.iter().enumerate() {
@@ -73,13 +74,12 @@ pub(crate) fn enlist(world: &mut World, worlds: &[Entity]) -> Result<Vec<Roster>
             if number == 0 {
                 (roster.per_world, roster.num_spare) = (count, spare);
             } else if roster.per_world != count {
-                return Err(differing(
-                    &policies,
-                    policy,
-                    number,
+                return Err(GameError::UnequalWorlds {
+                    world: number,
+                    policy: policies.entries[policy].policy.name.clone(),
                     count,
-                    roster.per_world,
-                ));
+                    expected: roster.per_world,
+                });
             }
             roster.agents.extend(agents.into_iter().map(Some));
             roster.agents.resize((number + 1) * count, None);
@@ -88,13 +88,13 @@ pub(crate) fn enlist(world: &mut World, worlds: &[Entity]) -> Result<Vec<Roster>
     for (policy, roster) in rosters.iter_mut().enumerate() {
         let entry = &policies.entries[policy];
         if roster.agents.is_empty() {
-            return Err(format!("no agent has the policy {}", entry.policy.name));
+            return Err(GameError::NoAgent(entry.policy.name.clone()));
         }
         roster.active = vec![0; roster.agents.len()];
         roster.max_steps = entry.policy.max_episode_steps.unwrap_or(u32::MAX);
         for index in 0..roster.agents.len() {
             if let Some(agent) = roster.agents[index] {
-                take_seat(world, &policies, agent, Slot { policy, index });
+                assign_slot(world, &policies, agent, Slot { policy, index });
             }
         }
     }
@@ -102,9 +102,9 @@ pub(crate) fn enlist(world: &mut World, worlds: &[Entity]) -> Result<Vec<Roster>
 }
 
 /// Gives an agent its slot and the components it lacks.
-pub(crate) fn take_seat(world: &mut World, policies: &Policies, agent: Entity, slot: Slot) {
+pub(crate) fn assign_slot(world: &mut World, policies: &Policies, agent: Entity, slot: Slot) {
     if let Ok(mut entity) = world.get_entity_mut(agent) {
-        policies.entries[slot.policy].equip(&mut entity);
+        policies.entries[slot.policy].insert_missing(&mut entity);
         entity.insert(slot);
     }
 }
@@ -113,7 +113,7 @@ fn members_of(
     world: &World,
     policies: &Policies,
     entity: Entity,
-) -> Result<Vec<Vec<Entity>>, String> {
+) -> Result<Vec<Vec<Entity>>, GameError> {
     let mut found = vec![Vec::new(); policies.entries.len()];
     let Some(members) = world.get::<WorldMembers>(entity) else {
         return Ok(found);
@@ -127,37 +127,19 @@ fn members_of(
     Ok(found)
 }
 
-fn check_strays(world: &mut World) -> Result<(), String> {
+fn check_all_have_worlds(world: &mut World) -> Result<(), GameError> {
     let mut strays = world.query_filtered::<&Agent, Without<InWorld>>();
     match strays.iter(world).next() {
         None => Ok(()),
-        Some(agent) => Err(format!(
-            "an agent of the policy {} is in no world: spawn it with InWorld(world), in an \
-             observer of LudusWorld",
-            agent.policy
-        )),
+        Some(agent) => Err(GameError::AgentWithoutWorld(agent.policy.clone())),
     }
 }
 
-pub(crate) fn unknown(policies: &Policies, name: &str) -> String {
-    let names: Vec<_> = policies
-        .entries
-        .iter()
-        .map(|entry| entry.policy.name.as_str())
-        .collect();
-    format!(
-        "an agent has the policy \"{name}\"; the app has: {}",
-        names.join(", ")
-    )
-}
-
-fn differing(
-    policies: &Policies,
-    policy: usize,
-    number: usize,
-    count: usize,
-    expected: usize,
-) -> String {
-    let name = &policies.entries[policy].policy.name;
-    format!("world {number} has {count} slots of the policy {name}, world 0 has {expected}")
+fn unknown(policies: &Policies, name: &str) -> GameError {
+    let names = policies.entries.iter();
+    let names: Vec<_> = names.map(|entry| entry.policy.name.as_str()).collect();
+    GameError::UnknownPolicy {
+        name: name.to_owned(),
+        known: names.join(", "),
+    }
 }

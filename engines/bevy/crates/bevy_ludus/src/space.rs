@@ -1,18 +1,18 @@
 //! What agents see and decide, as Rust types.
 //!
-//! `#[derive(Observe)]` and `#[derive(Act)]` turn a struct into a space and a row: field names
+//! `#[derive(ObservationSpace)]` and `#[derive(ActionSpace)]` turn a struct into a space and a row: field names
 //! become entry names, bounds come from attributes.
 
 use crate::wire::ObservationEntry;
 use crate::wire::{ActionComponent, ActionKind, ActionRow, ArrayLayout, Bound, DType};
 
-pub use bevy_ludus_derive::{Act, Observe};
+pub use bevy_ludus_derive::{ActionSpace, ObservationSpace};
 
 /// What an agent sees: named arrays of numbers.
 ///
 /// ```
 /// # use bevy_ludus::prelude::*;
-/// #[derive(Observe)]
+/// #[derive(ObservationSpace)]
 /// struct Seen {
 ///     /// Distances to walls; the entry "rays" of shape \[16\].
 ///     #[ludus(low = 0.0, high = 1.0)]
@@ -27,13 +27,13 @@ pub use bevy_ludus_derive::{Act, Observe};
 ///
 /// ```compile_fail
 /// # use bevy_ludus::prelude::*;
-/// #[derive(Observe)]
+/// #[derive(ObservationSpace)]
 /// struct Seen {
 ///     name: String,
 /// }
 /// ```
-pub trait Observe: Send + Sync + 'static {
-    /// Returns the entries, in the order in which [`Observe::write`] writes them.
+pub trait ObservationSpace: Send + Sync + 'static {
+    /// Returns the entries, in the order in which [`ObservationSpace::write`] writes them.
     fn entries() -> Vec<ObservationEntry>;
 
     /// Returns the observation in which every number is zero.
@@ -44,7 +44,7 @@ pub trait Observe: Send + Sync + 'static {
 }
 
 /// Nothing but what cameras see, or nothing at all.
-impl Observe for () {
+impl ObservationSpace for () {
     fn entries() -> Vec<ObservationEntry> {
         Vec::new()
     }
@@ -58,7 +58,7 @@ impl Observe for () {
 ///
 /// ```
 /// # use bevy_ludus::prelude::*;
-/// #[derive(Act)]
+/// #[derive(ActionSpace)]
 /// struct Decision {
 ///     #[ludus(n = 4)]
 ///     weapon: u8,
@@ -73,13 +73,13 @@ impl Observe for () {
 ///
 /// ```compile_fail
 /// # use bevy_ludus::prelude::*;
-/// #[derive(Act)]
+/// #[derive(ActionSpace)]
 /// struct Decision {
 ///     weapon: u8,
 /// }
 /// ```
-pub trait Act: Send + Sync + 'static {
-    /// Returns the components, in the order in which [`Act::read`] reads them.
+pub trait ActionSpace: Send + Sync + 'static {
+    /// Returns the components, in the order in which [`ActionSpace::read`] reads them.
     fn components() -> Vec<ActionComponent>;
 
     /// Reads all components.
@@ -236,10 +236,10 @@ pub fn entry<V: ObservationValue>(
 }
 
 /// A component of an action that needs no more than its type: numbers, a `bool`, or an enum that
-/// derives [`Act`].
+/// derives [`ActionSpace`].
 #[diagnostic::on_unimplemented(
     message = "`{Self}` cannot be a component of an action",
-    note = "components are f32 or [f32; N], bool, enums that derive Act, and integers that say \
+    note = "components are f32 or [f32; N], bool, enums that derive ActionSpace, and integers that say \
             how many alternatives they have: `#[ludus(n = 4)]`"
 )]
 pub trait ActionPart {

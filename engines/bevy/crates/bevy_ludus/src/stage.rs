@@ -1,10 +1,12 @@
 //! The worlds of one app, and the arrays that hold all that goes in and out of them.
 
 use crate::components::Slot;
+use crate::error::GameError;
 use crate::roster::Roster;
 use crate::wire::{ActionFrame, ActionLayout, BatchFrame, BatchLayout, EpisodeMode, Spec};
 use bevy_ecs::prelude::*;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+use web_time::Instant;
 
 /// What the game says about all its worlds.
 #[derive(Resource, Clone, Debug)]
@@ -47,7 +49,7 @@ pub(crate) struct Stage {
     pub newcomers: Vec<Entity>,
     /// Slots whose agents were despawned since the last step.
     pub lost: Vec<Slot>,
-    /// Whether worlds are being made anew, so that nobody joins or leaves.
+    /// Whether worlds are being rebuilt, so that no agent joins or leaves.
     pub is_rebuilding: bool,
     pub num_ticks: u64,
     /// Since when the game's ticks run.
@@ -57,7 +59,7 @@ pub(crate) struct Stage {
     /// Time that Ludus took around them.
     pub bridge_time: Duration,
     /// The game's own mistake; the run fails with it.
-    pub error: Option<String>,
+    pub error: Option<GameError>,
 }
 
 impl Stage {
@@ -148,7 +150,7 @@ impl Stage {
             .any(|slot| self.rosters[slot.policy].active[slot.index] == 1)
     }
 
-    /// Returns whether every agent that a world begins with is there, and nobody else.
+    /// Returns whether a world has exactly the agents that it begins with.
     pub fn is_complete(&self, world: usize) -> bool {
         self.slots_of(world).iter().all(|slot| {
             let roster = &self.rosters[slot.policy];

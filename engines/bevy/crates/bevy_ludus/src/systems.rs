@@ -1,7 +1,8 @@
 //! The systems that carry rows between components and arrays.
 
 use crate::components::{Action, ActionMask, Agent, Episode, Observation, Slot};
-use crate::space::{Act, Observe, RowReader, RowWriter};
+use crate::error::GameError;
+use crate::space::{ActionSpace, ObservationSpace, RowReader, RowWriter};
 use crate::stage::{Pass, Stage};
 use bevy_ecs::prelude::*;
 use bevy_ecs::schedule::ScheduleLabel;
@@ -14,7 +15,10 @@ pub(crate) struct ReadActions;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, ScheduleLabel)]
 pub(crate) struct WriteRows;
 
-pub(crate) fn read_actions<A: Act>(stage: Res<Stage>, mut agents: Query<(&Slot, &mut Action<A>)>) {
+pub(crate) fn read_actions<A: ActionSpace>(
+    stage: Res<Stage>,
+    mut agents: Query<(&Slot, &mut Action<A>)>,
+) {
     for (slot, mut action) in &mut agents {
         if stage.rosters[slot.policy].active[slot.index] == 1 {
             action.0 = A::read(&mut RowReader::new(
@@ -25,7 +29,7 @@ pub(crate) fn read_actions<A: Act>(stage: Res<Stage>, mut agents: Query<(&Slot, 
 }
 
 /// Writes rows table by table: agents of one kind lie side by side in memory.
-pub(crate) fn write_observations<O: Observe>(
+pub(crate) fn write_observations<O: ObservationSpace>(
     mut stage: ResMut<Stage>,
     agents: Query<(&Slot, &Observation<O>, &Episode)>,
 ) {
@@ -85,9 +89,11 @@ pub(crate) fn write_masks(mut stage: ResMut<Stage>, agents: Query<(&Slot, &Actio
         } else {
             let place = rosters[slot.policy].place(&spec.policies[slot.policy].name, slot.index);
             let (expected, got) = (row.len(), mask.0.len());
-            *error = Some(format!(
-                "{place}: ActionMask: expected {expected} bytes, got {got}"
-            ));
+            *error = Some(GameError::MaskSize {
+                place,
+                expected,
+                got,
+            });
         }
     }
 }

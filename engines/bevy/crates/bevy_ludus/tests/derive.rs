@@ -7,7 +7,7 @@ use bevy_ludus::wire::{
 };
 use serde_json::Map;
 
-#[derive(Observe, Debug, PartialEq)]
+#[derive(ObservationSpace, Debug, PartialEq)]
 struct Seen {
     /// One number becomes an array of one.
     health: u8,
@@ -18,7 +18,7 @@ struct Seen {
     is_hurt: bool,
 }
 
-#[derive(Act, Debug, PartialEq, Clone, Copy)]
+#[derive(ActionSpace, Debug, PartialEq, Clone, Copy)]
 #[ludus(name = "move")]
 enum Step {
     Stay,
@@ -26,7 +26,7 @@ enum Step {
     South,
 }
 
-#[derive(Act, Debug, PartialEq)]
+#[derive(ActionSpace, Debug, PartialEq)]
 struct Decision {
     #[ludus(n = 4)]
     weapon: usize,
@@ -39,7 +39,7 @@ struct Decision {
 
 #[test]
 fn fields_become_entries() {
-    let entries = <Seen as space::Observe>::entries();
+    let entries = <Seen as space::ObservationSpace>::entries();
     let described: Vec<_> = entries
         .iter()
         .map(|one| (one.name.as_str(), one.dtype, one.shape.as_slice()))
@@ -66,7 +66,7 @@ fn values_become_rows() {
         items: [[1, -2], [3, 4]],
         is_hurt: true,
     };
-    let entries = <Seen as space::Observe>::entries();
+    let entries = <Seen as space::ObservationSpace>::entries();
     // Two slots, without padding between the arrays.
     let mut start = 0;
     let layouts: Vec<_> = entries
@@ -81,7 +81,7 @@ fn values_become_rows() {
         })
         .collect();
     let mut bytes = vec![0; start];
-    space::Observe::write(&seen, &mut space::RowWriter::new(&mut bytes, &layouts, 1));
+    space::ObservationSpace::write(&seen, &mut space::RowWriter::new(&mut bytes, &layouts, 1));
     assert_eq!(bytes[layouts[0].row(1)], [9]);
     let aim: Vec<u8> = seen
         .aim
@@ -106,17 +106,17 @@ fn values_become_rows() {
         items: [[0; 2]; 2],
         is_hurt: false,
     };
-    assert_eq!(<Seen as space::Observe>::zero(), zero);
+    assert_eq!(<Seen as space::ObservationSpace>::zero(), zero);
 }
 
-fn spec_of<A: space::Act>() -> Spec {
+fn spec_of<A: space::ActionSpace>() -> Spec {
     let policy = PolicySpec {
         name: "hero".to_owned(),
         num_agents: 2,
         agents_per_world: 2,
         episode: EpisodeMode::Agent,
         max_episode_steps: None,
-        observation: <Seen as space::Observe>::entries(),
+        observation: <Seen as space::ObservationSpace>::entries(),
         action: A::components(),
         has_action_mask: false,
         agents: Vec::new(),
@@ -134,7 +134,7 @@ fn spec_of<A: space::Act>() -> Spec {
 
 #[test]
 fn fields_become_components_and_are_read() {
-    let components = <Decision as space::Act>::components();
+    let components = <Decision as space::ActionSpace>::components();
     let names: Vec<_> = components.iter().map(|one| one.name.as_str()).collect();
     assert_eq!(
         names,
@@ -161,8 +161,9 @@ fn fields_become_components_and_are_read() {
     {
         *bytes = number.to_le_bytes();
     }
-    let read =
-        |slot| <Decision as space::Act>::read(&mut space::RowReader::new(frame.row(0, slot)));
+    let read = |slot| {
+        <Decision as space::ActionSpace>::read(&mut space::RowReader::new(frame.row(0, slot)))
+    };
     assert_eq!(
         read(1),
         Decision {
@@ -178,7 +179,7 @@ fn fields_become_components_and_are_read() {
 
 #[test]
 fn an_enum_is_an_action_by_itself() {
-    let components = <Step as space::Act>::components();
+    let components = <Step as space::ActionSpace>::components();
     assert_eq!(components.len(), 1);
     assert_eq!(
         (components[0].name.as_str(), &components[0].kind),
@@ -186,6 +187,7 @@ fn an_enum_is_an_action_by_itself() {
     );
     let mut frame = ActionFrame::new(ActionLayout::new(&spec_of::<Step>()));
     frame.discrete_mut(0)[1] = 1_i64.to_le_bytes();
-    let read = |slot| <Step as space::Act>::read(&mut space::RowReader::new(frame.row(0, slot)));
+    let read =
+        |slot| <Step as space::ActionSpace>::read(&mut space::RowReader::new(frame.row(0, slot)));
     assert_eq!((read(0), read(1)), (Step::Stay, Step::North));
 }

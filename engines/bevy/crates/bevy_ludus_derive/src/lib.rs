@@ -1,8 +1,8 @@
 //! The derive macros of `bevy_ludus`: a Rust type becomes a space and a row.
 
-mod act;
+mod action_space;
 mod field;
-mod observe;
+mod observation_space;
 #[cfg(test)]
 mod tests;
 
@@ -13,10 +13,10 @@ use syn::{DeriveInput, parse_macro_input};
 ///
 /// Attributes of a field: `#[ludus(low = 0.0, high = 1.0)]` (a number, or a list with one per
 /// element) and `#[ludus(name = "other")]`.
-#[proc_macro_derive(Observe, attributes(ludus))]
-pub fn derive_observe(input: TokenStream) -> TokenStream {
+#[proc_macro_derive(ObservationSpace, attributes(ludus))]
+pub fn derive_observation_space(input: TokenStream) -> TokenStream {
     let input = parse_macro_input!(input as DeriveInput);
-    observe::expand(&input)
+    observation_space::expand(&input)
         .unwrap_or_else(syn::Error::into_compile_error)
         .into()
 }
@@ -26,10 +26,10 @@ pub fn derive_observe(input: TokenStream) -> TokenStream {
 ///
 /// Attributes of a field: `#[ludus(n = 4)]` for an integer, `#[ludus(low = -1.0, high = 1.0)]` for
 /// numbers (these are the bounds without it) and `#[ludus(name = "other")]`, also for an enum.
-#[proc_macro_derive(Act, attributes(ludus))]
-pub fn derive_act(input: TokenStream) -> TokenStream {
+#[proc_macro_derive(ActionSpace, attributes(ludus))]
+pub fn derive_action_space(input: TokenStream) -> TokenStream {
     let input = parse_macro_input!(input as DeriveInput);
-    act::expand(&input)
+    action_space::expand(&input)
         .unwrap_or_else(syn::Error::into_compile_error)
         .into()
 }

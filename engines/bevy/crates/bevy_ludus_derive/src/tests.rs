@@ -1,6 +1,6 @@
 //! What the macros refuse, and in which words.
 
-use crate::{act, observe};
+use crate::{action_space, observation_space};
 use syn::{DeriveInput, parse_quote};
 
 fn refused(result: syn::Result<proc_macro2::TokenStream>) -> String {
@@ -8,12 +8,12 @@ fn refused(result: syn::Result<proc_macro2::TokenStream>) -> String {
 }
 
 fn is_refused_as_act(input: &DeriveInput, expected: &str) {
-    let text = refused(act::expand(input));
+    let text = refused(action_space::expand(input));
     assert!(text.contains(expected), "{text}");
 }
 
 fn is_refused_as_observation(input: &DeriveInput, expected: &str) {
-    let text = refused(observe::expand(input));
+    let text = refused(observation_space::expand(input));
     assert!(text.contains(expected), "{text}");
 }
 

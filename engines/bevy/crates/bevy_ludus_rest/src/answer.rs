@@ -1,15 +1,18 @@
 //! The four endpoints.
 
-use super::desk::Ask;
+use super::connections::{Connection, REQUEST_TIMEOUT};
 use super::error::Refusal;
-use super::front::Front;
+use super::game_handle::GameHandle;
+use super::guard::check_sender;
 use super::payload::{StepQuery, read_actions};
+use super::queue::Ask;
 use http_body_util::{BodyExt, Full, LengthLimitError, Limited};
 use hyper::body::{Body, Bytes};
 use hyper::header::{ALLOW, CONTENT_TYPE, HeaderValue, SERVER};
 use hyper::{Method, Request, Response, StatusCode};
 use std::convert::Infallible;
 use std::error::Error;
+use tokio::time::timeout_at;
 
 /// The longest body of a request, bytes.
 const MAX_BODY: usize = 16 << 20;
@@ -18,18 +21,21 @@ const PRODUCT: &str = concat!("bevy_ludus/", env!("CARGO_PKG_VERSION"));
 
 /// Answers one request; mistakes become a status and a reason.
 pub(super) async fn answer<B>(
-    front: &Front,
+    game: &GameHandle,
+    connection: &Connection,
     request: Request<B>,
 ) -> Result<Response<Full<Bytes>>, Infallible>
 where
     B: Body<Error: Into<Box<dyn Error + Send + Sync>>>,
 {
-    let _open = front.open();
+    let _open = game.open();
     let allowed = verbs(request.uri().path());
-    let answered = if allowed.is_empty() {
+    let answered = if let Err(refusal) = check_sender(request.headers()) {
+        Err(refusal)
+    } else if allowed.is_empty() {
         Err(unknown(request.uri().path()))
     } else if allowed.contains(request.method()) {
-        route(front, request).await
+        route(game, connection, request).await
     } else {
         Ok(wrong_verb(allowed))
     };
@@ -41,6 +47,7 @@ where
     response
         .headers_mut()
         .insert(SERVER, HeaderValue::from_static(PRODUCT));
+    connection.note_answer();
     Ok(response)
 }
 
@@ -53,22 +60,33 @@ fn verbs(path: &str) -> &'static [Method] {
     }
 }
 
-async fn route<B>(front: &Front, request: Request<B>) -> Result<Response<Full<Bytes>>, Refusal>
+async fn route<B>(
+    game: &GameHandle,
+    connection: &Connection,
+    request: Request<B>,
+) -> Result<Response<Full<Bytes>>, Refusal>
 where
     B: Body<Error: Into<Box<dyn Error + Send + Sync>>>,
 {
-    match request.uri().path() {
-        "/state" => front.export.state().map(text),
-        "/reset" => reset(front).await.map(text),
-        "/step" => step(front, request).await.map(text),
-        _ => picture(front).await,
+    let (head, body) = request.into_parts();
+    let path = head.uri.path();
+    let mut query = StepQuery::read(head.uri.query().unwrap_or_default());
+    if path == "/step" && query.payload.is_none() && head.method == Method::POST {
+        query.payload = Some(read_body(body, connection).await?);
+    }
+    connection.note_request();
+    match path {
+        "/state" => game.export.state().map(text),
+        "/reset" => reset(game).await.map(text),
+        "/step" => step(game, query).await.map(text),
+        _ => picture(game).await,
     }
 }
 
 #[cfg(feature = "camera")]
-async fn picture(front: &Front) -> Result<Response<Full<Bytes>>, Refusal> {
-    let pictures = front.pictures.as_ref().ok_or_else(no_pixels)?;
-    let _turn = front.play(Ask::Picture).await?;
+async fn picture(game: &GameHandle) -> Result<Response<Full<Bytes>>, Refusal> {
+    let pictures = game.pictures.as_ref().ok_or_else(no_pixels)?;
+    let _turn = game.play(Ask::Picture).await?;
     let mut response = Response::new(Full::new(Bytes::from(pictures.png()?)));
     let headers = response.headers_mut();
     headers.insert(CONTENT_TYPE, HeaderValue::from_static("image/png"));
@@ -76,49 +94,48 @@ async fn picture(front: &Front) -> Result<Response<Full<Bytes>>, Refusal> {
 }
 
 #[cfg(not(feature = "camera"))]
-async fn picture(_: &Front) -> Result<Response<Full<Bytes>>, Refusal> {
+async fn picture(_: &GameHandle) -> Result<Response<Full<Bytes>>, Refusal> {
     Err(no_pixels())
 }
 
-async fn reset(front: &Front) -> Result<String, Refusal> {
-    let _turn = front.play(Ask::Reset).await?;
-    front.export.agents()
+async fn reset(game: &GameHandle) -> Result<String, Refusal> {
+    let _turn = game.play(Ask::Reset).await?;
+    game.export.agents()
 }
 
-async fn step<B>(front: &Front, request: Request<B>) -> Result<String, Refusal>
-where
-    B: Body<Error: Into<Box<dyn Error + Send + Sync>>>,
-{
-    let query = StepQuery::read(request.uri().query().unwrap_or_default());
-    let actions = match (&query.payload, request.method()) {
-        (Some(payload), _) => read_actions(payload.as_bytes(), front.num_agents),
-        (None, &Method::POST) => read_actions(&read_body(request).await?, front.num_agents),
-        (None, _) => Err(Refusal::bad_request(
+async fn step(game: &GameHandle, query: StepQuery) -> Result<String, Refusal> {
+    let payload = query.payload.ok_or_else(|| {
+        Refusal::bad_request(
             "the payload is missing\nhint: /step?payload=[{\"action\": \"…\"}, …], URL-encoded",
-        )),
-    }?;
-    let _turn = front.play(Ask::Step(actions)).await?;
-    let agents = front.export.agents()?;
+        )
+    })?;
+    let actions = read_actions(&payload, game.num_agents)?;
+    let _turn = game.play(Ask::Step(actions)).await?;
+    let agents = game.export.agents()?;
     if query.is_state_included {
-        let state = front.export.state()?;
+        let state = game.export.state()?;
         return Ok(format!(r#"{{"agents":{agents},"state":{state}}}"#));
     }
     Ok(agents)
 }
 
-async fn read_body<B>(request: Request<B>) -> Result<Bytes, Refusal>
+async fn read_body<B>(body: B, connection: &Connection) -> Result<Vec<u8>, Refusal>
 where
     B: Body<Error: Into<Box<dyn Error + Send + Sync>>>,
 {
-    let body = Limited::new(request.into_body(), MAX_BODY).collect().await;
-    body.map(http_body_util::Collected::to_bytes)
-        .map_err(|error| {
-            if error.is::<LengthLimitError>() {
-                let reason = format!("the payload is longer than {MAX_BODY} bytes");
-                return Refusal::new(StatusCode::PAYLOAD_TOO_LARGE, reason);
-            }
-            Refusal::bad_request(format!("the payload did not arrive: {error}"))
-        })
+    let read = Limited::new(body, MAX_BODY).collect();
+    let Ok(body) = timeout_at(connection.deadline(), read).await else {
+        let seconds = REQUEST_TIMEOUT.as_secs();
+        let reason = format!("the payload did not arrive within {seconds} s");
+        return Err(Refusal::new(StatusCode::REQUEST_TIMEOUT, reason));
+    };
+    body.map(|body| body.to_bytes().into()).map_err(|error| {
+        if error.is::<LengthLimitError>() {
+            let reason = format!("the payload is longer than {MAX_BODY} bytes");
+            return Refusal::new(StatusCode::PAYLOAD_TOO_LARGE, reason);
+        }
+        Refusal::bad_request(format!("the payload did not arrive: {error}"))
+    })
 }
 
 fn text(text: String) -> Response<Full<Bytes>> {
@@ -151,7 +168,7 @@ fn no_pixels() -> Refusal {
     Refusal::new(
         StatusCode::NOT_IMPLEMENTED,
         "this game shows no pixels\nhint: it needs a renderer (RenderingPlugins of bevy_ludus, or \
-         DefaultPlugins of bevy), the feature `camera` of bevy_ludus, and \
+         DefaultPlugins of bevy), the feature `camera` of bevy_ludus_rest, and \
          AIGymSettings { render_to_buffer: true, .. }",
     )
 }

@@ -8,12 +8,12 @@ use super::error::Refusal;
 use super::export::read;
 use super::settings::AIGymSettings;
 use super::state::AIGymState;
-use crate::camera::{Eyes, Readback, Renderer, Shaders, Source};
-use crate::plugin::LudusPlugin;
 use bevy_app::{App, Last};
 use bevy_asset::{AssetId, Assets};
 use bevy_ecs::prelude::*;
 use bevy_image::Image;
+use bevy_ludus::LudusPlugin;
+use bevy_ludus::camera::{PictureError, PictureReader, PictureSource, draw_now};
 use bevy_render::render_resource::{TextureFormat, TextureUsages};
 use bevy_render::{Render, RenderApp, RenderSystems};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -33,9 +33,8 @@ struct Order {
     height: u32,
     targets: Vec<AssetId<Image>>,
     wanted_since: Option<Instant>,
-    taken: Option<Result<Vec<u8>, String>>,
-    shaders: Shaders,
-    readback: Readback,
+    taken: Option<Result<Vec<u8>, PictureError>>,
+    reader: PictureReader,
 }
 
 impl Pictures {
@@ -67,14 +66,11 @@ impl Pictures {
         let mut order = self.order();
         let (width, height) = (order.width, order.height);
         let num_agents = order.targets.len() as u32;
-        let taken = order
-            .taken
-            .take()
-            .unwrap_or_else(|| Err("no picture was drawn".into()));
+        let taken = order.taken.take().unwrap_or(Err(PictureError::NotDrawn));
         drop(order);
-        taken
-            .and_then(|pixels| encode(&pixels, width * num_agents, height))
-            .map_err(Refusal::game)
+        let pixels = taken.map_err(|error| Refusal::game(error.to_string()))?;
+        encode(&pixels, width * num_agents, height)
+            .map_err(|error| Refusal::game(format!("the picture is no PNG: {error}")))
     }
 }
 
@@ -107,7 +103,7 @@ pub(super) fn make_targets<A, B>(
 
 /// Lets the renderer of an app take pictures, if it has one and they are wanted.
 pub(super) fn add_pictures(app: &mut App, settings: &AIGymSettings) {
-    if !settings.render_to_buffer {
+    if !settings.shows_pixels() {
         return;
     }
     let order = Order {
@@ -116,16 +112,15 @@ pub(super) fn add_pictures(app: &mut App, settings: &AIGymSettings) {
         targets: Vec::new(),
         wanted_since: None,
         taken: None,
-        shaders: Shaders::default(),
-        readback: Readback::default(),
+        reader: PictureReader::default(),
     };
     let pictures = Pictures(Arc::new(Mutex::new(order)));
-    let is_taken = app.is_plugin_added::<LudusPlugin>();
+    let is_driven = app.is_plugin_added::<LudusPlugin>();
     let Some(renderer) = app.get_sub_app_mut(RenderApp) else {
         return;
     };
-    if is_taken {
-        app.add_systems(Last, draw.run_if(resource_exists::<Renderer>));
+    if is_driven {
+        app.add_systems(Last, draw);
     } else {
         renderer
             .insert_resource(pictures.clone())
@@ -140,10 +135,7 @@ fn draw(world: &mut World) {
     if !pictures.is_wanted() {
         return;
     }
-    world.init_resource::<Eyes>();
-    let result = world.resource_scope(|world, mut eyes: Mut<Eyes>| {
-        eyes.draw(world, |_, _, renderer| pictures.order().read(renderer))
-    });
+    let result = draw_now(world, |renderer| pictures.order().read(renderer));
     pictures.order().give(result);
 }
 
@@ -153,7 +145,7 @@ fn take(renderer: &World) {
     let Some(since) = order.wanted_since else {
         return;
     };
-    if !order.shaders.are_ready(renderer) {
+    if !order.reader.is_complete(renderer) {
         return;
     }
     let result = order.read(renderer);
@@ -163,15 +155,15 @@ fn take(renderer: &World) {
 }
 
 impl Order {
-    fn give(&mut self, result: Result<Vec<u8>, String>) {
+    fn give(&mut self, result: Result<Vec<u8>, PictureError>) {
         self.wanted_since = None;
         self.taken = Some(result);
     }
 
-    /// Reads the pictures of all agents into one, who stand from left to right.
-    fn read(&mut self, renderer: &World) -> Result<Vec<u8>, String> {
+    /// Reads the pictures of all agents into one, from left to right.
+    fn read(&mut self, renderer: &World) -> Result<Vec<u8>, PictureError> {
         let (width, height) = (self.width, self.height);
-        let source = |image: &AssetId<Image>| Source {
+        let source = |image: &AssetId<Image>| PictureSource {
             image: *image,
             width,
             height,
@@ -179,7 +171,7 @@ impl Order {
         let sources: Vec<_> = self.targets.iter().map(source).collect();
         let line = width as usize * 4;
         let mut pixels = vec![0; line * sources.len() * height as usize];
-        self.readback.read(renderer, &sources, |bytes| {
+        self.reader.read(renderer, &sources, |bytes| {
             let mut pictures = bytes;
             for (agent, source) in sources.iter().enumerate() {
                 let (picture, rest) = pictures.split_at(source.num_bytes());
@@ -194,15 +186,12 @@ impl Order {
     }
 }
 
-fn encode(pixels: &[u8], width: u32, height: u32) -> Result<Vec<u8>, String> {
+fn encode(pixels: &[u8], width: u32, height: u32) -> Result<Vec<u8>, png::EncodingError> {
     let mut png = Vec::new();
     let mut encoder = png::Encoder::new(&mut png, width, height);
     encoder.set_color(png::ColorType::Rgba);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_compression(png::Compression::Fast);
-    let written = encoder
-        .write_header()
-        .and_then(|mut writer| writer.write_image_data(pixels));
-    written.map_err(|error| format!("the picture is no PNG: {error}"))?;
+    encoder.write_header()?.write_image_data(pixels)?;
     Ok(png)
 }

@@ -3,19 +3,17 @@
 use super::error::RestError;
 use super::events::{EventControl, EventPause, EventReset, SimulationPauseTimer, SimulationState};
 use super::export::read;
-use super::front::Front;
+use super::game_handle::GameHandle;
 #[cfg(feature = "camera")]
 use super::pixels::{Pictures, add_pictures, make_targets};
 use super::server::RestServer;
 use super::settings::AIGymSettings;
 use super::state::AIGymState;
-use super::turns::{Turns, begin, hear, pause};
-use crate::plugin::run_on_one_thread;
-use crate::schedules::Exchange;
+use super::turns::{Turns, leave_initializing, pause, serve_requests};
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
+use bevy_ludus::schedules::{LudusSystems, fit_executors_to_cores};
 use bevy_state::app::{AppExtStates, StatesPlugin};
-use bevy_tasks::ComputeTaskPool;
 use bevy_time::{TimePlugin, TimeSystems, TimeUpdateStrategy, Timer, TimerMode};
 use serde::Serialize;
 use std::marker::PhantomData;
@@ -28,7 +26,7 @@ use std::sync::Arc;
 ///
 /// ```
 /// # use bevy_app::prelude::*;
-/// use bevy_ludus::rest::*;
+/// use bevy_ludus_rest::*;
 ///
 /// let settings = AIGymSettings { num_agents: 2, port: 0, ..Default::default() };
 /// let mut app = App::new();
@@ -58,17 +56,22 @@ where
         let settings = read(&gym).settings.clone();
         add_turns(app, &gym, &settings);
         #[cfg(feature = "camera")]
-        if settings.render_to_buffer {
+        if settings.shows_pixels() {
             app.add_systems(PreStartup, make_targets::<T, P>);
         }
         app.add_message::<EventReset>()
             .add_message::<EventControl>()
             .add_message::<EventPause>()
             .insert_state(SimulationState::Initializing)
-            .add_systems(Startup, open::<T, P>)
-            .add_systems(PostStartup, begin)
+            .add_systems(Startup, listen::<T, P>)
+            .add_systems(PostStartup, leave_initializing)
             // With a trainer, the clock is its own.
-            .add_systems(First, hear.before(TimeSystems).before(Exchange))
+            .add_systems(
+                First,
+                serve_requests
+                    .before(TimeSystems)
+                    .before(LudusSystems::Exchange),
+            )
             .add_systems(Last, pause);
     }
 
@@ -78,10 +81,7 @@ where
             let settings = read(&gym).settings.clone();
             add_pictures(app, &settings);
         }
-        // With one thread, handing systems to it costs more than most of them take.
-        if ComputeTaskPool::try_get().is_none_or(|pool| pool.thread_num() <= 1) {
-            run_on_one_thread(app.main_mut());
-        }
+        fit_executors_to_cores(app.main_mut());
     }
 }
 
@@ -104,32 +104,32 @@ where
     let is_clock_free = strategy.is_none_or(|now| matches!(now, TimeUpdateStrategy::Automatic));
     let step = (is_lock_step && is_clock_free).then(|| settings.step_time());
     let timer = Timer::new(settings.pause_every(), TimerMode::Repeating);
-    app.insert_resource(Turns::new(Arc::clone(&read(gym).desk), is_lock_step, step))
+    app.insert_resource(Turns::new(Arc::clone(&read(gym).queue), is_lock_step, step))
         .insert_resource(SimulationPauseTimer(timer));
 }
 
 /// Begins to listen.
-fn open<T, P>(world: &mut World)
+fn listen<T, P>(world: &mut World)
 where
     T: 'static + Send + Sync + Clone,
     P: 'static + Send + Sync + Clone + Serialize,
 {
     let gym = world.resource::<AIGymState<T, P>>().clone();
-    let (settings, desk) = {
+    let (settings, queue) = {
         let gym = read(&gym);
-        (gym.settings.clone(), Arc::clone(&gym.desk))
+        (gym.settings.clone(), Arc::clone(&gym.queue))
     };
     let num_agents = settings.num_agents as usize;
     #[cfg_attr(not(feature = "camera"), allow(unused_mut))]
-    let mut front = Front::new(Box::new(gym), desk, num_agents, settings.wait_for_game());
+    let mut game = GameHandle::new(Box::new(gym), queue, num_agents, settings.wait_for_game());
     #[cfg(feature = "camera")]
     {
-        front.pictures = world.get_resource::<Pictures>().cloned();
+        game.pictures = world.get_resource::<Pictures>().cloned();
     }
-    match RestServer::start(settings.port, front) {
+    match RestServer::start(settings.port, game) {
         Ok(server) => world.insert_resource(server),
         Err(error) => {
-            complain(&error);
+            print_error(&error);
             world.write_message(AppExit::error());
         }
     }
@@ -138,12 +138,12 @@ where
 /// Lets the app end with an error before it begins.
 fn refuse(app: &mut App) {
     app.set_runner(|_| {
-        complain(&RestError::NoState);
+        print_error(&RestError::NoState);
         AppExit::error()
     });
 }
 
 #[allow(clippy::print_stderr)]
-fn complain(error: &RestError) {
+fn print_error(error: &RestError) {
     eprintln!("ludus: {error}");
 }

@@ -20,8 +20,12 @@ pub struct AIGymSettings {
     /// 0 (and anything else that is not above 0) is lock-step: the game runs for one update, and
     /// waits for the next request without a timer. Its clock then advances by `step_seconds`.
     pub pause_interval: f32,
-    /// Whether clients may ask for pixels.
+    /// Whether clients may ask for pixels. Programs for bevy_rl before 0.9.7 say the same by
+    /// `no_graphics: false`.
     pub render_to_buffer: bool,
+    /// Whether clients may not ask for pixels, as programs for bevy_rl before 0.9.7 say it. Pixels
+    /// are shown if either setting asks for them.
+    pub no_graphics: bool,
     /// Where to listen at 127.0.0.1; 0 takes any port that is free, which
     /// [`RestServer::address`](super::RestServer::address) tells.
     pub port: u16,
@@ -39,6 +43,7 @@ impl Default for AIGymSettings {
             num_agents: 0,
             pause_interval: 0.0,
             render_to_buffer: false,
+            no_graphics: true,
             port: PORT,
             timeout: 30.0,
             step_seconds: 1.0 / 60.0,
@@ -49,6 +54,12 @@ impl Default for AIGymSettings {
 impl AIGymSettings {
     pub(super) fn is_lock_step(&self) -> bool {
         self.pause_interval.is_nan() || self.pause_interval <= 0.0
+    }
+
+    /// Returns whether clients may ask for pixels.
+    #[cfg(feature = "camera")]
+    pub(super) fn shows_pixels(&self) -> bool {
+        self.render_to_buffer || !self.no_graphics
     }
 
     pub(super) fn pause_every(&self) -> Duration {
@@ -84,6 +95,21 @@ mod tests {
             pause_interval,
             ..AIGymSettings::default()
         }
+    }
+
+    #[cfg(feature = "camera")]
+    #[test]
+    fn pixels_are_shown_if_either_setting_asks_for_them() {
+        let shows = |render_to_buffer, no_graphics| {
+            let settings = AIGymSettings {
+                render_to_buffer,
+                no_graphics,
+                ..AIGymSettings::default()
+            };
+            settings.shows_pixels()
+        };
+        assert!(!AIGymSettings::default().shows_pixels());
+        assert!(shows(true, true) && shows(false, false) && !shows(false, true));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What the environment and its clients share.
 
-use super::desk::{Ask, Desk, Kind};
+use super::queue::{Ask, Kind, RequestQueue};
 use super::settings::AIGymSettings;
 use bevy_ecs::resource::Resource;
 use std::ops::{Deref, DerefMut};
@@ -30,7 +30,7 @@ where
     pub(super) environment_state: Option<B>,
     /// What the environment did wrong since the last answer.
     pub(super) fault: Option<String>,
-    pub(super) desk: Arc<Desk>,
+    pub(super) queue: Arc<RequestQueue>,
 }
 
 impl<A, B> AIGymStateInner<A, B>
@@ -38,7 +38,7 @@ where
     A: 'static + Send + Sync + Clone,
     B: 'static + Send + Sync + Clone,
 {
-    /// Begins with rewards of 0, and with nobody's end.
+    /// Begins with rewards of 0, and no agent ended.
     #[must_use]
     pub fn new(settings: AIGymSettings) -> Self {
         let num_agents = settings.num_agents as usize;
@@ -50,7 +50,7 @@ where
             terminations: vec![false; num_agents],
             environment_state: None,
             fault: None,
-            desk: Arc::new(Desk::new(settings.is_lock_step())),
+            queue: Arc::new(RequestQueue::new(settings.is_lock_step())),
             settings,
         }
     }
@@ -62,40 +62,43 @@ where
     /// importance, as in bevy_rl.
     #[allow(clippy::needless_pass_by_value)]
     pub fn send_step_result(&self, _results: Vec<bool>) {
-        self.desk.note_result(Kind::Step);
+        self.queue.note_result(Kind::Step);
     }
 
     /// Says that the new episode has begun. Without this call, it has when the game has run and is
     /// paused again.
     pub fn send_reset_result(&self, _result: bool) {
-        self.desk.note_result(Kind::Reset);
+        self.queue.note_result(Kind::Reset);
     }
 
-    /// Takes the actions that a client has sent; one `None` per agent if none has. The plugin does
-    /// this, and sends [`EventControl`](super::EventControl).
+    /// Takes the actions that a client has sent, one text or none per agent; one `None` per agent if
+    /// no client has. The step is then done when the game calls
+    /// [`send_step_result`](Self::send_step_result). Games that read
+    /// [`EventControl`](super::EventControl) have no use for this.
     pub fn receive_action_strings(&self) -> Vec<Option<String>> {
-        match self.desk.take(Kind::Step) {
+        match self.queue.receive(Kind::Step) {
             Some(Ask::Step(actions)) => actions,
             _ => vec![None; self.settings.num_agents as usize],
         }
     }
 
-    /// Takes the request for a new episode, if there is one. The plugin does this, and sends
-    /// [`EventReset`](super::EventReset).
+    /// Takes the request for a new episode, if there is one. It is done when the game calls
+    /// [`reset`](Self::reset) or [`send_reset_result`](Self::send_reset_result). Games that read
+    /// [`EventReset`](super::EventReset) have no use for this.
     pub fn receive_reset_request(&self) {
-        self.desk.take(Kind::Reset);
+        self.queue.receive(Kind::Reset);
     }
 
-    /// Returns whether actions of a client wait.
+    /// Returns whether actions of a client wait to be received.
     #[must_use]
     pub fn is_next_action(&self) -> bool {
-        self.desk.is_waiting(Kind::Step)
+        self.queue.poll(Kind::Step)
     }
 
-    /// Returns whether a client waits for a new episode.
+    /// Returns whether a client's request for a new episode waits to be received.
     #[must_use]
     pub fn is_reset_request(&self) -> bool {
-        self.desk.is_waiting(Kind::Reset)
+        self.queue.poll(Kind::Reset)
     }
 
     /// Sets the reward of an agent. With an agent that does not exist, the client gets the status
@@ -116,7 +119,7 @@ where
         }
     }
 
-    /// Begins anew: rewards are 0, nobody has ended, and the client that asked for it is answered.
+    /// Begins a new episode: rewards are 0, no agent has ended, and the client that asked for it is answered.
     pub fn reset(&mut self) {
         self.rewards.fill(0.0);
         self.terminations.fill(false);

@@ -1,47 +1,46 @@
-//! When the game is paused, hears requests, and goes on.
+//! When the game is paused, hears of requests, and goes on.
 
-use super::desk::{Ask, Desk, Kind};
 use super::events::{EventControl, EventPause, EventReset, SimulationPauseTimer, SimulationState};
 #[cfg(feature = "camera")]
 use super::pixels::Pictures;
+#[cfg(feature = "camera")]
+use super::queue::Kind;
+use super::queue::{Ask, RequestQueue};
 use super::server::RestServer;
-use crate::trainer::Trainer;
 use bevy_ecs::prelude::*;
+use bevy_ludus::has_trainer;
 use bevy_state::prelude::*;
 use bevy_time::{Time, TimeUpdateStrategy};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A game that waits comes up for air so often: to hear that it shall end, and to show its window.
+/// A game that waits still updates this often: to notice that it is to end, and to show its window.
 const PULSE: Duration = Duration::from_millis(100);
 
 /// How the game and its clients take turns.
 #[derive(Resource)]
 pub(super) struct Turns {
-    pub desk: Arc<Desk>,
+    pub queue: Arc<RequestQueue>,
     /// How far the clock goes in one update; none where the clock is not ours.
-    pub step: Option<Duration>,
-    pub is_lock_step: bool,
-    /// Since the last request was handed over.
-    has_run: bool,
+    step: Option<Duration>,
+    is_lock_step: bool,
     /// Systems have had a whole update to hear of the pause.
     has_published: bool,
 }
 
 impl Turns {
-    pub fn new(desk: Arc<Desk>, is_lock_step: bool, step: Option<Duration>) -> Self {
+    pub fn new(queue: Arc<RequestQueue>, is_lock_step: bool, step: Option<Duration>) -> Self {
         Self {
-            desk,
+            queue,
             step,
             is_lock_step,
-            has_run: false,
             has_published: false,
         }
     }
 }
 
-/// After startup: a game that has said nothing about its state is ready.
-pub(super) fn begin(
+/// After startup: takes a game that has said nothing about its state for ready.
+pub(super) fn leave_initializing(
     state: Res<State<SimulationState>>,
     mut next: ResMut<NextState<SimulationState>>,
 ) {
@@ -51,56 +50,54 @@ pub(super) fn begin(
     }
 }
 
-/// At the beginning of an update: answers what is done, and hands over what comes next.
-pub(super) fn hear(world: &mut World) {
-    let (state, next) = look(world);
+/// At the beginning of an update: answers what is done, and passes on what comes next.
+pub(super) fn serve_requests(world: &mut World) {
     let turns = world.resource::<Turns>();
-    let is_paused =
-        state == SimulationState::PausedForControl && next.is_none_or(|next| next == state);
-    if is_paused && turns.has_published {
-        let desk = Arc::clone(&turns.desk);
-        note_picture(world, &desk);
-        desk.finish(turns.has_run);
+    let queue = Arc::clone(&turns.queue);
+    if is_pausing(world) && turns.has_published && is_paused(world) {
+        note_picture(world, &queue);
+        queue.finish();
+        // A trainer of Ludus has the game wait already.
         if turns.is_lock_step
-            && desk.is_idle()
-            // The trainer has the game wait already.
-            && !world.contains_resource::<Trainer>()
+            && queue.is_idle()
+            && !has_trainer(world)
             && let Some(server) = world.get_resource::<RestServer>()
         {
             server.wait(PULSE);
         }
-        hand_over(world, &desk);
+        send_event(world, &queue);
     }
-    let is_still = match look(world) {
-        (_, Some(next)) => next == SimulationState::PausedForControl,
-        (state, None) => state == SimulationState::PausedForControl,
-    };
+    let is_still = is_pausing(world) && !queue.needs_time();
     set_clock(world, is_still);
+    queue.begin_update();
 }
 
-/// Returns the state, and the one that comes next if there is one.
-fn look(world: &World) -> (SimulationState, Option<SimulationState>) {
-    let next = match world.resource::<NextState<SimulationState>>() {
-        NextState::Unchanged => None,
-        NextState::Pending(next) | NextState::PendingIfNeq(next) => Some(next.clone()),
-    };
-    (
-        world.resource::<State<SimulationState>>().get().clone(),
-        next,
-    )
+fn is_paused(world: &World) -> bool {
+    *world.resource::<State<SimulationState>>().get() == SimulationState::PausedForControl
 }
 
-fn hand_over(world: &mut World, desk: &Desk) {
-    if let Some(Ask::Step(actions)) = desk.take(Kind::Step) {
-        world.write_message(EventControl(actions));
-    } else if desk.take(Kind::Reset).is_some() {
-        world.write_message(EventReset);
-    } else if desk.take(Kind::Picture).is_some() {
-        want_picture(world);
-    } else {
-        return;
+/// Returns whether the game is paused in this update: it is already, or will be before its systems
+/// run.
+fn is_pausing(world: &World) -> bool {
+    match world.resource::<NextState<SimulationState>>() {
+        NextState::Unchanged => is_paused(world),
+        NextState::Pending(next) | NextState::PendingIfNeq(next) => {
+            *next == SimulationState::PausedForControl
+        }
     }
-    world.resource_mut::<Turns>().has_run = false;
+}
+
+fn send_event(world: &mut World, queue: &RequestQueue) {
+    match queue.take_for_event() {
+        Some(Ask::Step(actions)) => {
+            world.write_message(EventControl(actions));
+        }
+        Some(Ask::Reset) => {
+            world.write_message(EventReset);
+        }
+        Some(Ask::Picture) => want_picture(world),
+        None => {}
+    }
 }
 
 #[cfg(feature = "camera")]
@@ -115,15 +112,15 @@ fn want_picture(_: &World) {}
 
 /// A picture is done when the renderer has taken it.
 #[cfg(feature = "camera")]
-fn note_picture(world: &World, desk: &Desk) {
+fn note_picture(world: &World, queue: &RequestQueue) {
     let pictures = world.get_resource::<Pictures>();
     if pictures.is_some_and(Pictures::is_taken) {
-        desk.note_result(Kind::Picture);
+        queue.note_result(Kind::Picture);
     }
 }
 
 #[cfg(not(feature = "camera"))]
-fn note_picture(_: &World, _: &Desk) {}
+fn note_picture(_: &World, _: &RequestQueue) {}
 
 /// In lock-step the clock goes on by the same time in every update, and stands still in a pause.
 fn set_clock(world: &mut World, is_still: bool) {
@@ -147,7 +144,7 @@ pub(super) fn pause(
         SimulationState::Initializing => (),
         SimulationState::PausedForControl => turns.has_published = true,
         SimulationState::Running => {
-            turns.has_run = true;
+            turns.queue.note_run();
             turns.has_published = false;
             let is_leaving = matches!(*next, NextState::Pending(SimulationState::Initializing));
             if is_time && !is_leaving {

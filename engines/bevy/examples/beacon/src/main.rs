@@ -1,7 +1,7 @@
 //! Turn towards a beacon: two watchers stand in the middle of each world, and know of it only what
 //! their cameras show. An example of agents that see.
 
-mod looks;
+mod scenery;
 
 use bevy_app::prelude::*;
 use bevy_app::{ScheduleRunnerPlugin, TaskPoolPlugin};
@@ -40,7 +40,7 @@ struct Beacon {
     colour: [u8; 3],
 }
 
-#[derive(Act)]
+#[derive(ActionSpace)]
 enum Turn {
     Left,
     Right,
@@ -73,13 +73,13 @@ impl Plugin for BeaconPlugin {
         app.add_plugins((TaskPoolPlugin::default(), TimePlugin, RenderingPlugins))
             .add_plugins((LightPlugin, PbrPlugin::default()))
             .insert_resource(Time::<Fixed>::from_hz(TICKS_PER_SECOND))
-            .init_resource::<looks::Looks>()
+            .init_resource::<scenery::Scenery>()
             .add_policy::<(), Turn>(policy.max_episode_steps(60))
             .add_ludus_method("state", state)
-            .add_observer(looks::fill_world)
+            .add_observer(scenery::fill_world)
             .add_systems(FixedUpdate, turn)
             .add_systems(Judge, judge)
-            .add_systems(Observe, looks::show)
+            .add_systems(Observe, scenery::show)
             .add_systems(Reset, (place_beacons, place_watchers).chain());
     }
 }

@@ -35,13 +35,13 @@ const TRAINED: &[u8] = include_bytes!("../cart.ludus.json");
 const MIN_CARTS_PER_THREAD: usize = 4096;
 
 /// Position and velocity of the cart, angle and angular velocity of the pole.
-#[derive(Observe)]
+#[derive(ObservationSpace)]
 struct CartObservation {
     observation: [f32; 4],
 }
 
 /// Pushes towards −z or +z.
-#[derive(Act, Clone, Copy)]
+#[derive(ActionSpace, Clone, Copy)]
 #[ludus(name = "push")]
 enum Push {
     Back,

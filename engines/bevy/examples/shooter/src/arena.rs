@@ -18,7 +18,7 @@ pub const NUM_STANDS: usize = 3;
 pub const NUM_TARGETS: u32 = 12;
 /// Longest pause and time of all targets of a stand, one after the other, and some more.
 pub const MAX_EPISODE_STEPS: u32 = 600;
-/// How long a target stays if nobody hits it and the trainer says nothing else, seconds.
+/// How long a target stays if no shooter hits it and the trainer says nothing else, seconds.
 const TARGET_SECONDS: f32 = 4.0;
 /// Walls inside the arena if the trainer says nothing else: one in each quarter.
 pub const MAX_WALLS: usize = 4;

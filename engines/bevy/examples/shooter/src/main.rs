@@ -161,7 +161,7 @@ fn observe(
     );
 }
 
-/// Makes the arenas of worlds whose episodes begin anew.
+/// Makes the arenas of worlds whose episodes begin.
 fn begin(mut arenas: Query<(&mut Arena, &mut LudusWorld)>) {
     for (mut arena, mut world) in &mut arenas {
         if world.is_beginning() {

@@ -10,7 +10,7 @@ use bevy_ludus::prelude::*;
 const EYE: &str = "eye";
 
 /// What a shooter knows besides its picture.
-#[derive(Observe, Clone, Copy, Debug, PartialEq)]
+#[derive(ObservationSpace, Clone, Copy, Debug, PartialEq)]
 pub struct Pixels {
     /// How far the rifle is reloaded; it shoots at 1.
     #[ludus(low = 0.0, high = 1.0)]

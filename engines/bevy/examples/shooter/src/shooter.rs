@@ -14,7 +14,7 @@ const SLOW_TURN: f32 = PI / 3.0;
 const FAST_TURN: f32 = 4.0 * SLOW_TURN;
 
 /// What a shooter decides for one step.
-#[derive(Act, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(ActionSpace, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Decision {
     pub walk: Walk,
     pub turn: Turn,
@@ -23,7 +23,7 @@ pub struct Decision {
 }
 
 /// Where to walk, as seen by the shooter.
-#[derive(Act, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(ActionSpace, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Walk {
     #[default]
     Stay,
@@ -34,7 +34,7 @@ pub enum Walk {
 }
 
 /// How to turn.
-#[derive(Act, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(ActionSpace, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Turn {
     #[default]
     Straight,

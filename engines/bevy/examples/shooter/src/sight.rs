@@ -23,7 +23,7 @@ pub const RELOAD_STEPS: u32 = 8;
 /// What a shooter sees: along each ray, from left to right, how far it is to the first wall, target
 /// and other shooter, as shares of the rays' reach; 1 where there is none before the wall.
 #[cfg_attr(feature = "pixels", allow(dead_code))] // Pictures take its place.
-#[derive(Observe, Clone, Copy, Debug, PartialEq)]
+#[derive(ObservationSpace, Clone, Copy, Debug, PartialEq)]
 pub struct View {
     #[ludus(low = 0.0, high = 1.0)]
     pub walls: [f32; NUM_RAYS],

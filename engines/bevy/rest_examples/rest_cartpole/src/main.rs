@@ -11,7 +11,7 @@ use bevy_app::prelude::*;
 use bevy_app::{ScheduleRunnerPlugin, TaskPoolOptions, TaskPoolPlugin};
 use bevy_ecs::prelude::*;
 use bevy_ludus::random::RandomStream;
-use bevy_ludus::rest::*;
+use bevy_ludus_rest::*;
 use bevy_state::prelude::*;
 use motion::Cart;
 use serde::Serialize;

@@ -3,9 +3,9 @@
 //!
 //! `rest_tiles [--port=7878] [--agents=2] [--width=36] [--height=24] [--pause-interval=0]
 //! [--timeout=60]`. It prints the address at which it listens, and ends when an agent sends the
-//! action `quit`. Every pixel follows from the state, as `looks.rs` says.
+//! action `quit`. Every pixel follows from the state, as `scenery.rs` says.
 
-mod looks;
+mod scenery;
 
 use bevy_app::prelude::*;
 use bevy_app::{ScheduleRunnerPlugin, TaskPoolOptions, TaskPoolPlugin};
@@ -13,7 +13,7 @@ use bevy_ecs::prelude::*;
 use bevy_light::LightPlugin;
 use bevy_ludus::camera::RenderingPlugins;
 use bevy_ludus::random::RandomStream;
-use bevy_ludus::rest::*;
+use bevy_ludus_rest::*;
 use bevy_pbr::PbrPlugin;
 use bevy_state::prelude::*;
 use serde::Serialize;
@@ -68,7 +68,7 @@ fn play(settings: AIGymSettings) -> AppExit {
         .insert_resource(Gym::new(settings))
         .add_plugins(AIGymPlugin::<Step, Walkers>::default())
         .insert_resource(game)
-        .add_systems(Startup, (looks::spawn_rows, looks::spawn_eyes))
+        .add_systems(Startup, (scenery::spawn_rows, scenery::spawn_eyes))
         .add_systems(PostStartup, tell)
         .add_systems(
             Update,
@@ -77,7 +77,7 @@ fn play(settings: AIGymSettings) -> AppExit {
                 publish.run_if(on_message::<EventPause>),
                 control,
                 reset,
-                looks::show,
+                scenery::show,
             )
                 .chain(),
         )
@@ -164,7 +164,7 @@ fn walk(mut game: ResMut<Game>) {
     }
 }
 
-/// A point, and the end, for who has come to the white tile.
+/// A point, and the end, for an agent that reached the white tile.
 fn publish(game: Res<Game>, gym: Res<Gym>) {
     let Ok(mut gym) = gym.lock() else { return };
     for (agent, walker) in game.walkers.agents.iter().enumerate() {

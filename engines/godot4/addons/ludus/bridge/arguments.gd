@@ -17,6 +17,8 @@ var parent_pid: int = 0
 var policies: Dictionary[String, String] = {}
 ## Whether those policies draw their actions.
 var is_sampling: bool = false
+## Whether the trainer may ask for pictures of worlds.
+var has_pictures: bool = false
 ## Whether every episode that ends is told on the standard output.
 var has_report: bool = false
 
@@ -41,6 +43,8 @@ static func read() -> LudusArguments:
 				arguments.policies[value] = argument.trim_prefix("--ludus-policy=%s=" % value)
 			"--ludus-sample":
 				arguments.is_sampling = true
+			"--ludus-pictures":
+				arguments.has_pictures = true
 			"--ludus-report":
 				arguments.has_report = true
 	return arguments

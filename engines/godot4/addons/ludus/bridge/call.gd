@@ -2,7 +2,9 @@ extends RefCounted
 ## One method call by name (PROTOCOL.md §8).
 
 const LudusCeiling := preload("res://addons/ludus/bridge/ceiling.gd")
+const LudusPicture := preload("res://addons/ludus/cameras/picture.gd")
 const LudusGame := preload("res://addons/ludus/world/game.gd")
+const LudusMetrics := preload("res://addons/ludus/bridge/metrics.gd")
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
 const LudusTrainingStatus := preload("res://addons/ludus/training/training_status.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
@@ -11,6 +13,7 @@ const CEILING_METHOD := "run_ceiling"
 const TAKE_REQUESTS_METHOD := "take_requests"
 const SHOW_STATUS_METHOD := "show_status"
 const STAND_BY_METHOD := "stand_by"
+const PICTURE_METHOD := "picture"
 
 var _message: Dictionary = {}
 
@@ -43,12 +46,14 @@ func is_for_bridge() -> bool:
 
 
 ## Calls a method of the add-on and returns the frame with its result.
-func answer_for_bridge(requests: LudusRequests, status: LudusTrainingStatus) -> PackedByteArray:
+func answer_for_bridge(
+	requests: LudusRequests, metrics: LudusMetrics, status: LudusTrainingStatus
+) -> PackedByteArray:
 	var result := {"id": int(_message.get("id", 0))}
 	var arguments := _arguments()
 	var method := str(_message.get("method", ""))
 	if method == TAKE_REQUESTS_METHOD:
-		result["value"] = requests.take()
+		result["value"] = requests.take() + metrics.take()
 	elif method != SHOW_STATUS_METHOD:
 		result["error"] = "the add-on has no method %s" % method
 	elif arguments.size() != 1 or arguments[0] is not Dictionary:
@@ -74,6 +79,13 @@ func answer(game: LudusGame) -> PackedByteArray:
 	var callee := game.find_target(_target())
 	if callee == null:
 		result["error"] = "there is no world or agent %s" % JSON.stringify(_target())
+	elif method == PICTURE_METHOD and not callee.has_method(method):
+		var world := game.find_world(_target())
+		var complaint := LudusPicture.complaint(world)
+		if complaint.is_empty():
+			result["value"] = LudusPicture.of(world, game.neighbours_of(world))
+		else:
+			result["error"] = complaint
 	elif not callee.has_method(method):
 		result["error"] = "%s has no method %s" % [_name_of(callee), method]
 	else:

@@ -44,6 +44,7 @@ const LudusGame := preload("res://addons/ludus/world/game.gd")
 const LudusGuidance := preload("res://addons/ludus/training/guidance.gd")
 const LudusLink := preload("res://addons/ludus/bridge/link.gd")
 const LudusManualPlay := preload("res://addons/ludus/bridge/manual_play.gd")
+const LudusMetrics := preload("res://addons/ludus/bridge/metrics.gd")
 const LudusOpening := preload("res://addons/ludus/bridge/opening.gd")
 const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
@@ -71,6 +72,7 @@ var _has_reset: bool = false
 var _batch_flags: int = 0
 var _guidance := LudusGuidance.new()
 var _requests := LudusRequests.new()
+var _metrics := LudusMetrics.new()
 var _status := LudusTrainingStatus.new()
 ## Clock of PROTOCOL.md §7, microseconds.
 var _left_us: int = 0
@@ -96,6 +98,13 @@ static func ask(method: StringName, arguments: Array = []) -> String:
 	if _instance == null:
 		return "the autoload Ludus is missing; enable the plugin Ludus"
 	return "" if _instance.callv(method, arguments) else _instance._requests.complaint
+
+
+## Adds a value to a metric of the run; [param reporter] is named if that cannot be. Does nothing
+## where nobody trains the game. Use [method LudusWorld.report_metric].
+static func report_metric(metric: String, value: float, reporter: Node) -> void:
+	if _instance != null:
+		_instance._metrics.add(metric, value, reporter)
 
 
 ## Lets [param training] guide the trainer at the other end of [param link].
@@ -221,8 +230,9 @@ func _finish_step(now: int) -> void:
 
 ## Answers the request, unless worlds were made anew or must settle first. Returns whether it did.
 func _hold_or_answer() -> bool:
-	if not _game.error.is_empty():
-		_fail("game", _game.error)
+	var error := _game.error if _metrics.error.is_empty() else _metrics.error
+	if not error.is_empty():
+		_fail("game", error)
 		return false
 	if not _game.is_held():
 		return _settle_or_answer()
@@ -342,7 +352,7 @@ func _handle_call() -> bool:
 		_guidance.is_standing_by = _requests.is_guided
 		_send(call.answer_nothing())
 	elif call.is_for_bridge():
-		_send(call.answer_for_bridge(_requests, _status))
+		_send(call.answer_for_bridge(_requests, _metrics, _status))
 	else:
 		_send(call.answer(_game))
 	return false
@@ -390,6 +400,7 @@ func _greet() -> void:
 		_fail(opening.code, opening.error, opening.hint)
 		return
 	_requests.open(opening.capabilities)
+	_metrics.is_open = LudusMetrics.CAPABILITY in opening.capabilities
 	var is_built := opening.build(_guidance, self)
 	_stage = opening.stage
 	_game = opening.game
@@ -425,6 +436,7 @@ func _go_on_without_trainer(message: String) -> void:
 	_phase = Phase.MANUAL
 	_has_reset = false
 	_requests.close()
+	_metrics = LudusMetrics.new()
 	_link.close()
 	_link = null
 	_guidance.end(message, _stage)

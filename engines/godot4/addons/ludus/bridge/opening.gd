@@ -106,5 +106,6 @@ func _make_stage(guidance: LudusGuidance, parent: Node) -> void:
 		_handshake.integer("first_world", 0),
 		str(_handshake.config.get("layout", "scene"))
 	)
+	stage.has_pictures = LudusArguments.read().has_pictures
 	stage.num_drawn = guidance.num_drawn() if world_scene == _scene else 0
 	game = LudusGame.new(stage)

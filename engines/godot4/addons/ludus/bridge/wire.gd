@@ -29,7 +29,7 @@ const PROTOCOL_MIN := 1
 const PROTOCOL_MAX := 1
 const ADDON_VERSION := "0.1.0"
 const CAPABILITIES: PackedStringArray = [
-	"call", "ceiling", "guided", "rebuild", "requests", "reset_worlds"
+	"call", "ceiling", "guided", "metrics", "rebuild", "requests", "reset_worlds"
 ]
 const HEADER_BYTES := 8
 const MAX_PAYLOAD_BYTES := 268435456

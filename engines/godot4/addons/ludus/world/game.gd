@@ -154,12 +154,27 @@ func append_to(frame: PackedByteArray) -> void:
 	_gather_errors()
 
 
+## The world that a [code]CALL[/code] names, or null.
+func find_world(target: Dictionary) -> LudusWorld:
+	var i := int(target.get("world", -1))
+	return _stage.worlds[i] if i >= 0 and i < _stage.worlds.size() else null
+
+
+## The worlds that share the physics space of [param world].
+func neighbours_of(world: LudusWorld) -> Array[LudusWorld]:
+	var neighbours: Array[LudusWorld] = []
+	if _stage.layout == LudusWorld.Layout.GRID:
+		neighbours.assign(_stage.worlds)
+		neighbours.erase(world)
+	return neighbours
+
+
 ## What a [code]CALL[/code] is meant for, or null.
 func find_target(target: Dictionary) -> Object:
-	var i := int(target.get("world", -1))
-	if i < 0 or i >= _stage.worlds.size():
+	var world := find_world(target)
+	if world == null:
 		return null
-	var root := _stage.worlds[i].root
+	var root := world.root
 	if not target.has("agent") or target["agent"] == null:
 		var host := root as LudusSimulationHost
 		return root if host == null else host.simulation

@@ -63,6 +63,8 @@ var num_beginnings: int = 0
 var is_ready: bool = true
 ## Whether people see this copy of the scene: what only draws may be left out where they do not.
 var is_drawn: bool = DisplayServer.get_name() != "headless"
+## How far this copy was moved from where the scene puts it, in a 2D grid.
+var grid_offset := Vector2.ZERO
 ## Root of this copy of the scene.
 var root: Node
 
@@ -104,6 +106,14 @@ static func find_in(scene_root: Node) -> LudusWorld:
 		if child is LudusWorld:
 			return child
 	return null
+
+
+## Adds a value to a metric of the training run: its mean, lowest and highest value and count since
+## the last update go to all places where metrics go, such as [code]metrics.jsonl[/code] and
+## TensorBoard. Does nothing where nobody trains the game. At most 64 names; NaN and infinity are
+## errors.
+func report_metric(metric: String, value: float) -> void:
+	LudusBridge.report_metric(metric, value, root)
 
 
 ## Makes this the world of everything under [param scene_root].

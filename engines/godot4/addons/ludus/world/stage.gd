@@ -13,6 +13,8 @@ var error: String = ""
 var scene: PackedScene
 ## How many worlds are drawn, where there is a window. Of worlds in a 3D grid it is the first.
 var num_drawn: int = 1
+## Whether all worlds look as if they were drawn, for pictures that the trainer may ask for.
+var has_pictures: bool = false
 
 var _spaces: Array[SubViewport] = []
 var _views: LudusViews
@@ -57,12 +59,12 @@ func build() -> bool:
 			root.free()
 			return false
 		if i == 0 or layout == LudusWorld.Layout.ISOLATED:
-			_spaces.append(_add_space(world.is_drawn))
+			_spaces.append(_add_space(i < _num_views))
 		world.layout = layout
 		if layout == LudusWorld.Layout.GRID:
 			_place(root, i, worlds[0].spacing)
 		_spaces[-1].add_child(root)
-		if i > 0 and world.is_drawn and layout == LudusWorld.Layout.GRID:
+		if i > 0 and i < _num_views and layout == LudusWorld.Layout.GRID:
 			_views.look_at_world(world, worlds[0])
 	# Deferred: inside a tick Godot takes a new camera at the address of one that was just freed for
 	# that one, and does not make it current.
@@ -128,7 +130,7 @@ func _prepare(root: Node, i: int) -> LudusWorld:
 		root.add_child(world, false, Node.INTERNAL_MODE_BACK)
 	world.attach(root)
 	world.index = _first_world + i
-	world.is_drawn = i < _num_views
+	world.is_drawn = i < _num_views or has_pictures
 	worlds.append(world)
 	return world
 
@@ -158,7 +160,7 @@ func _add_space(is_seen: bool) -> SubViewport:
 	viewport.own_world_3d = true
 	viewport.size = Vector2i(2, 2)
 	viewport.render_target_update_mode = SubViewport.UPDATE_DISABLED
-	viewport.disable_3d = _num_views == 0
+	viewport.disable_3d = _num_views == 0 and not has_pictures
 	add_child(viewport)
 	return viewport
 
@@ -200,6 +202,7 @@ func _place(root: Node, i: int, spacing: Vector3) -> void:
 	if root is LudusSimulationHost:
 		(root as LudusSimulationHost).place(place)
 	elif root is Node2D:
+		LudusWorld.find_in(root).grid_offset = Vector2(place.x, place.y)
 		(root as Node2D).position += Vector2(place.x, place.y)
 	else:
 		(root as Node3D).position += place

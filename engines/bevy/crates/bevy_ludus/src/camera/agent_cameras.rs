@@ -1,9 +1,10 @@
-//! The cameras of all agents look, and their pictures become entries of observations.
+//! What the cameras of all agents see becomes entries of observations.
 
 use super::components::{LudusCamera, LudusFilmCamera};
+use super::error::PictureError;
 use super::layers::{Unsorted, separate_worlds};
 use super::picture::Picture;
-use super::readback::{Readback, Source};
+use super::readback::{PictureReader, PictureSource};
 use super::renderer::{Renderer, take_turn};
 use crate::components::{Agent, Slot};
 use crate::policy::{Policies, PolicyEntry};
@@ -15,9 +16,9 @@ use bevy_ecs::prelude::*;
 use bevy_image::Image;
 use bevy_render::render_resource::{TextureFormat, TextureUsages};
 
-/// What one camera looks at in a pass, and where its picture goes.
+/// One camera whose picture is read in a pass, and where that goes.
 #[derive(Clone, Copy, Debug)]
-struct Gaze {
+struct CameraRead {
     slot: Slot,
     /// Index of the entry among all of the observation.
     entry: usize,
@@ -25,52 +26,56 @@ struct Gaze {
     image: AssetId<Image>,
 }
 
-/// What is kept from look to look.
+/// What is kept from pass to pass.
 #[derive(Resource)]
-pub(crate) struct Eyes {
+pub(crate) struct AgentCameras {
     cameras: QueryState<(Entity, &'static LudusCamera)>,
     films: QueryState<(), With<LudusFilmCamera>>,
     unsorted: QueryState<(Entity, Has<Camera>), Unsorted>,
-    pub readback: Readback,
+    pub reader: PictureReader,
 }
 
-impl FromWorld for Eyes {
+impl FromWorld for AgentCameras {
     fn from_world(world: &mut World) -> Self {
         Self {
             cameras: world.query(),
             films: world.query_filtered(),
             unsorted: world.query_filtered(),
-            readback: Readback::default(),
+            reader: PictureReader::default(),
         }
     }
 }
 
-/// Lets the cameras of all agents that observe in this pass look. Without cameras, nothing happens.
-pub(crate) fn look(world: &mut World) {
+/// Draws what the cameras of the agents see that observe in this pass, and writes it into their
+/// observations. Without cameras, nothing happens.
+pub(crate) fn draw_observations(world: &mut World) {
     if !world.contains_resource::<Renderer>() {
         return;
     }
-    world.init_resource::<Eyes>();
-    world.resource_scope(|world, mut eyes: Mut<Eyes>| {
-        if let Err(error) = eyes.look(world) {
-            world.resource_mut::<Stage>().error.get_or_insert(error);
+    world.init_resource::<AgentCameras>();
+    world.resource_scope(|world, mut cameras: Mut<AgentCameras>| {
+        if let Err(error) = cameras.draw_observations(world) {
+            world
+                .resource_mut::<Stage>()
+                .error
+                .get_or_insert(error.into());
         }
     });
 }
 
-impl Eyes {
-    fn look(&mut self, world: &mut World) -> Result<(), String> {
-        let has_eyes = world.resource::<Policies>().entries.iter().any(has_cameras);
-        if !has_eyes && self.films.iter(world).next().is_none() {
+impl AgentCameras {
+    fn draw_observations(&mut self, world: &mut World) -> Result<(), PictureError> {
+        let has_any = world.resource::<Policies>().entries.iter().any(has_cameras);
+        if !has_any && self.films.iter(world).next().is_none() {
             return Ok(());
         }
-        let gazes = self.direct(world)?;
-        let is_idle = gazes.is_empty() && world.resource::<Stage>().pass == Pass::Beginning;
+        let reads = self.select(world)?;
+        let is_idle = reads.is_empty() && world.resource::<Stage>().pass == Pass::Beginning;
         if is_idle {
             return Ok(());
         }
-        self.draw(world, |eyes, world, renderer| {
-            eyes.write(world, renderer, &gazes)
+        self.draw(world, |cameras, world, renderer| {
+            cameras.write(world, renderer, &reads)
         })
     }
 
@@ -78,8 +83,8 @@ impl Eyes {
     pub fn draw<T>(
         &mut self,
         world: &mut World,
-        read: impl FnOnce(&mut Self, &mut World, &World) -> Result<T, String>,
-    ) -> Result<T, String> {
+        read: impl FnOnce(&mut Self, &mut World, &World) -> Result<T, PictureError>,
+    ) -> Result<T, PictureError> {
         // Isolated worlds have apps of their own, and this app has none.
         let stage = world.get_resource::<Stage>();
         let worlds = stage.map_or_else(Vec::new, |stage| stage.worlds.clone());
@@ -92,14 +97,14 @@ impl Eyes {
     }
 
     /// Switches on the cameras of the agents that observe, and all others off.
-    fn direct(&mut self, world: &mut World) -> Result<Vec<Gaze>, String> {
+    fn select(&mut self, world: &mut World) -> Result<Vec<CameraRead>, PictureError> {
         let observers = Observers::of(world.resource::<Stage>());
         let cameras: Vec<_> = self
             .cameras
             .iter(world)
             .map(|(entity, camera)| (entity, camera.clone()))
             .collect();
-        let mut gazes = Vec::with_capacity(cameras.len());
+        let mut reads = Vec::with_capacity(cameras.len());
         for (entity, camera) in cameras {
             let slot = world.get::<Slot>(camera.agent).copied();
             let slot = slot.filter(|slot| observers.contains(world, camera.agent, *slot));
@@ -107,7 +112,7 @@ impl Eyes {
             if let Some(slot) = slot {
                 let (entry, picture) = entry_of(world.resource::<Policies>(), slot, &camera)?;
                 let image = image_of(world, entity, picture);
-                gazes.push(Gaze {
+                reads.push(CameraRead {
                     slot,
                     entry,
                     picture,
@@ -115,30 +120,35 @@ impl Eyes {
                 });
             }
         }
-        check_all_see(world, &observers, &gazes)?;
-        Ok(gazes)
+        check_cameras(world, &observers, &reads)?;
+        Ok(reads)
     }
 
-    fn write(&mut self, world: &mut World, renderer: &World, gazes: &[Gaze]) -> Result<(), String> {
-        let sources: Vec<_> = gazes.iter().map(|gaze| gaze.source()).collect();
+    fn write(
+        &mut self,
+        world: &mut World,
+        renderer: &World,
+        reads: &[CameraRead],
+    ) -> Result<(), PictureError> {
+        let sources: Vec<_> = reads.iter().map(|read| read.source()).collect();
         let stage = &mut *world.resource_mut::<Stage>();
         let is_encoding = stage.is_encoding;
         let (layout, bytes, _) = stage.batch.parts_mut();
-        self.readback.read(renderer, &sources, |mut rendered| {
-            for (gaze, source) in gazes.iter().zip(&sources).filter(|_| is_encoding) {
+        self.reader.read(renderer, &sources, |mut rendered| {
+            for (read, source) in reads.iter().zip(&sources).filter(|_| is_encoding) {
                 let (own, others) = rendered.split_at(source.num_bytes());
-                let entry = &layout.policies[gaze.slot.policy].entries[gaze.entry];
-                let row = &mut bytes[entry.row(gaze.slot.index)];
-                gaze.picture.write(own, source.stride(), row);
+                let entry = &layout.policies[read.slot.policy].entries[read.entry];
+                let row = &mut bytes[entry.row(read.slot.index)];
+                read.picture.write(own, source.stride(), row);
                 rendered = others;
             }
         })
     }
 }
 
-impl Gaze {
-    fn source(&self) -> Source {
-        Source {
+impl CameraRead {
+    fn source(&self) -> PictureSource {
+        PictureSource {
             image: self.image,
             width: self.picture.width(),
             height: self.picture.height(),
@@ -184,18 +194,17 @@ fn entry_of(
     policies: &Policies,
     slot: Slot,
     camera: &LudusCamera,
-) -> Result<(usize, Picture), String> {
+) -> Result<(usize, Picture), PictureError> {
     let policy = &policies.entries[slot.policy];
     let cameras = &policy.policy.cameras;
     let found = cameras.iter().position(|(name, _)| *name == camera.entry);
     let index = found.ok_or_else(|| {
         let names: Vec<_> = cameras.iter().map(|(name, _)| name.as_str()).collect();
-        format!(
-            "a LudusCamera names the entry \"{}\"; the policy {} has cameras: {}",
-            camera.entry,
-            policy.policy.name,
-            names.join(", ")
-        )
+        PictureError::UnknownEntry {
+            entry: camera.entry.to_string(),
+            policy: policy.policy.name.clone(),
+            known: names.join(", "),
+        }
     })?;
     let first = policy.observation.len() - cameras.len();
     Ok((first + index, cameras[index].1))
@@ -221,8 +230,12 @@ pub(crate) fn image_of(world: &mut World, entity: Entity, picture: Picture) -> A
     id
 }
 
-/// Checks that whoever begins an episode has all its cameras.
-fn check_all_see(world: &World, observers: &Observers, gazes: &[Gaze]) -> Result<(), String> {
+/// Checks that agents that begin an episode have all their cameras.
+fn check_cameras(
+    world: &World,
+    observers: &Observers,
+    reads: &[CameraRead],
+) -> Result<(), PictureError> {
     let Some(beginning) = &observers.beginning else {
         return Ok(());
     };
@@ -232,20 +245,37 @@ fn check_all_see(world: &World, observers: &Observers, gazes: &[Gaze]) -> Result
         Some(policies.entries[slot.policy].policy.cameras.len())
     };
     let num_expected: usize = beginning.iter().filter_map(expected).sum();
-    if num_expected == gazes.len() {
+    if num_expected == reads.len() {
         return Ok(());
     }
-    let blind = beginning.iter().find(|agent| {
+    let incomplete = beginning.iter().find(|agent| {
         let slot = world.get::<Slot>(**agent);
         let count = slot.map_or(0, |slot| {
-            gazes.iter().filter(|gaze| gaze.slot == *slot).count()
+            reads.iter().filter(|read| read.slot == *slot).count()
         });
         expected(agent).is_some_and(|expected| expected != count)
     });
-    let policy = blind.and_then(|agent| world.get::<Agent>(*agent));
-    Err(format!(
-        "an agent of the policy {} has not one LudusCamera for each of its camera entries; spawn \
-         it with LudusCamera::of(agent, entry)",
-        policy.map_or("", |agent| agent.policy.as_str())
-    ))
+    let agent = incomplete.and_then(|agent| world.get::<Agent>(*agent));
+    let policy = agent.map_or_else(String::new, |agent| agent.policy.clone());
+    Err(PictureError::MissingCamera(policy))
+}
+
+/// Draws what all active cameras see now, in an app whose renderer `LudusPlugin` drives, and lets a
+/// function read it from the world of the renderer (with a [`PictureReader`]).
+///
+/// Bevy itself draws once, after an update; this is for crates that need pictures at another time.
+///
+/// # Errors
+/// The app has no renderer, or it has failed, or the function fails.
+pub fn draw_now<T>(
+    world: &mut World,
+    read: impl FnOnce(&World) -> Result<T, PictureError>,
+) -> Result<T, PictureError> {
+    if !world.contains_resource::<Renderer>() {
+        return Err(PictureError::NoRenderer);
+    }
+    world.init_resource::<AgentCameras>();
+    world.resource_scope(|world, mut cameras: Mut<AgentCameras>| {
+        cameras.draw(world, |_, _, renderer| read(renderer))
+    })
 }

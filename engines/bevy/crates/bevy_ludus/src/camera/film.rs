@@ -1,10 +1,11 @@
 //! Pictures of a world for people, by the trainer's call `picture`.
 
+use super::agent_cameras::{AgentCameras, image_of};
 use super::components::LudusFilmCamera;
-use super::eyes::{Eyes, image_of};
+use super::error::PictureError;
 use super::layers::home_of;
 use super::picture::Picture;
-use super::readback::Source;
+use super::readback::PictureSource;
 use super::renderer::Renderer;
 use crate::methods::{Arguments, MethodResult};
 use base64::Engine;
@@ -17,9 +18,9 @@ use serde_json::json;
 /// `rgb`, the pixels line by line, three bytes each, in base64.
 pub(crate) fn picture(arguments: In<Arguments>, world: &mut World) -> MethodResult {
     if !world.contains_resource::<Renderer>() {
-        return Err(super::opening::NO_RENDERER.to_owned());
+        return Err(PictureError::NoRenderer.to_string());
     }
-    world.init_resource::<Eyes>();
+    world.init_resource::<AgentCameras>();
     let Choice { films, others } = choose(world, arguments.world);
     if films.is_empty() {
         return Err("the world has no LudusFilmCamera".to_owned());
@@ -29,16 +30,16 @@ pub(crate) fn picture(arguments: In<Arguments>, world: &mut World) -> MethodResu
     set_active(world, &others, false);
     let sources: Vec<_> = films
         .iter()
-        .map(|(camera, picture)| Source {
+        .map(|(camera, picture)| PictureSource {
             image: image_of(world, *camera, *picture),
             width: picture.width(),
             height: picture.height(),
         })
         .collect();
-    let pictures = world.resource_scope(|world, mut eyes: Mut<Eyes>| {
-        eyes.draw(world, |eyes, _, renderer| {
+    let pictures = world.resource_scope(|world, mut drawing: Mut<AgentCameras>| {
+        drawing.draw(world, |drawing, _, renderer| {
             let mut pictures = Vec::new();
-            eyes.readback.read(renderer, &sources, |mut rendered| {
+            drawing.reader.read(renderer, &sources, |mut rendered| {
                 for ((_, picture), source) in films.iter().zip(&sources) {
                     let (own, others) = rendered.split_at(source.num_bytes());
                     pictures.push(to_json(*picture, own, source.stride()));
@@ -50,7 +51,8 @@ pub(crate) fn picture(arguments: In<Arguments>, world: &mut World) -> MethodResu
     });
     set_active(world, &cameras, false);
     set_active(world, &others, true);
-    Ok(pictures?.into())
+    let pictures = pictures.map_err(|error| error.to_string())?;
+    Ok(pictures.into())
 }
 
 /// Cameras for a picture of a world.

@@ -11,8 +11,9 @@
 //! No window is needed: [`RenderingPlugins`] draws with a graphics card, or in software through
 //! Vulkan or OpenGL.
 
+mod agent_cameras;
 mod components;
-mod eyes;
+mod error;
 mod film;
 mod layers;
 mod opening;
@@ -22,19 +23,14 @@ mod renderer;
 mod rendering;
 mod shaders;
 
+pub use agent_cameras::draw_now;
 pub use components::{LudusCamera, LudusFilmCamera};
+pub use error::PictureError;
 pub use picture::Picture;
+pub use readback::{PictureReader, PictureSource};
 pub use rendering::{RenderingPlugins, render_plugin};
 
-#[cfg(feature = "rest")]
-pub(crate) use eyes::Eyes;
-pub(crate) use eyes::look;
+pub(crate) use agent_cameras::draw_observations;
 pub(crate) use film::picture;
 pub(crate) use opening::check_renderer;
-#[cfg(feature = "rest")]
-pub(crate) use readback::{Readback, Source};
-#[cfg(feature = "rest")]
-pub(crate) use renderer::Renderer;
 pub(crate) use renderer::take_renderer;
-#[cfg(feature = "rest")]
-pub(crate) use shaders::Shaders;

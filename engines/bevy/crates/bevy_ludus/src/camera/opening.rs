@@ -1,26 +1,18 @@
 //! Before training begins: can the cameras draw?
 
+use super::error::PictureError;
 use super::renderer::{Renderer, RendererMissing};
 use crate::policy::Policies;
-use crate::trainer::Failure;
-use crate::wire::ErrorCode;
 use bevy_ecs::prelude::*;
 use bevy_render::renderer::RenderDevice;
-
-pub(crate) const NO_RENDERER: &str = "the game has cameras, and no renderer";
-
-const HINT: &str = "install a renderer that works without a screen (Debian: apt install \
-                    libegl1 libgl1-mesa-dri, or mesa-vulkan-drivers), add RenderingPlugins or \
-                    render_plugin() of bevy_ludus::camera to the app, and disable Bevy's \
-                    PipelinedRenderingPlugin";
 
 /// Checks that an app that draws can, and so the cameras of its policies.
 ///
 /// # Errors
-/// They cannot; the trainer is told so.
-pub(crate) fn check_renderer(world: &World) -> Result<(), Failure> {
+/// They cannot.
+pub(crate) fn check_renderer(world: &World) -> Result<(), PictureError> {
     if world.contains_resource::<RendererMissing>() {
-        return Err(Failure::new(ErrorCode::Renderer, NO_RENDERER, HINT));
+        return Err(PictureError::NoRenderer);
     }
     let policies = world.get_resource::<Policies>();
     let pictures: Vec<_> = policies
@@ -32,7 +24,7 @@ pub(crate) fn check_renderer(world: &World) -> Result<(), Failure> {
         return Ok(());
     }
     if !world.contains_resource::<Renderer>() {
-        return Err(Failure::new(ErrorCode::Renderer, NO_RENDERER, HINT));
+        return Err(PictureError::NoRenderer);
     }
     let limit = world
         .get_resource::<RenderDevice>()
@@ -40,19 +32,12 @@ pub(crate) fn check_renderer(world: &World) -> Result<(), Failure> {
     let large = pictures
         .iter()
         .find(|(_, picture)| picture.width().max(picture.height()) > limit);
-    match large {
-        None => Ok(()),
-        Some((name, picture)) => {
-            let (width, height) = (picture.width(), picture.height());
-            let text = format!(
-                "the camera entry {name} is {width} × {height} pixels; the renderer draws at most \
-                 {limit} × {limit}"
-            );
-            Err(Failure::new(
-                ErrorCode::Config,
-                text,
-                "make the picture smaller",
-            ))
-        }
-    }
+    large.map_or(Ok(()), |(entry, picture)| {
+        Err(PictureError::TooLarge {
+            entry: entry.clone(),
+            width: picture.width(),
+            height: picture.height(),
+            limit,
+        })
+    })
 }

@@ -1,5 +1,7 @@
 //! Pictures come back from the renderer: all of them in one buffer, for one wait.
 
+use super::error::PictureError;
+use super::shaders::Shaders;
 use bevy_asset::AssetId;
 use bevy_ecs::prelude::*;
 use bevy_image::Image;
@@ -14,44 +16,59 @@ use bevy_render::texture::GpuImage;
 /// Bytes of a rendered pixel.
 const PIXEL_BYTES: usize = 4;
 
-/// Where pictures are put for the processor to read. It is kept from step to step.
+/// Reads images that were drawn, on the renderer's side. Keep it from picture to picture: its buffer
+/// is used again.
+///
+/// The images must have the format `Rgba8UnormSrgb` and the usage `COPY_SRC`.
 #[derive(Debug, Default)]
-pub(crate) struct Readback {
+pub struct PictureReader {
     buffer: Option<Buffer>,
+    shaders: Shaders,
 }
 
-/// A picture to be read.
+/// An image to be read, and its size in pixels.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Source {
+pub struct PictureSource {
+    /// The image, a target of cameras.
     pub image: AssetId<Image>,
+    /// Its width, pixels.
     pub width: u32,
+    /// Its height, pixels.
     pub height: u32,
 }
 
-impl Source {
-    /// Returns how many bytes a line takes in the buffer; graphics cards want whole blocks.
+impl PictureSource {
+    /// Returns how many bytes a line takes in the buffer: graphics cards copy whole blocks of 256.
+    #[must_use]
     pub fn stride(self) -> usize {
         RenderDevice::align_copy_bytes_per_row(self.width as usize * PIXEL_BYTES)
     }
 
-    /// Returns how many bytes it takes in the buffer.
+    /// Returns how many bytes the image takes in the buffer.
+    #[must_use]
     pub fn num_bytes(self) -> usize {
         self.stride() * self.height as usize
     }
 }
 
-impl Readback {
-    /// Hands the bytes of all pictures, one after the other, to a function: lines of
-    /// [`Source::stride`] bytes.
+impl PictureReader {
+    /// Returns whether what was drawn last is complete. If not, shaders are still being compiled:
+    /// draw again.
+    pub fn is_complete(&mut self, renderer: &World) -> bool {
+        self.shaders.are_ready(renderer)
+    }
+
+    /// Hands the bytes of all images, one after the other, to a function: lines of
+    /// [`PictureSource::stride`] bytes. Blocks until the graphics card has drawn them.
     ///
     /// # Errors
-    /// The renderer has failed.
+    /// The renderer has failed, or an image was never drawn to.
     pub fn read(
         &mut self,
         renderer: &World,
-        sources: &[Source],
+        sources: &[PictureSource],
         take: impl FnOnce(&[u8]),
-    ) -> Result<(), String> {
+    ) -> Result<(), PictureError> {
         let num_bytes: usize = sources.iter().map(|source| source.num_bytes()).sum();
         if num_bytes == 0 {
             return Ok(());
@@ -62,7 +79,7 @@ impl Readback {
         let images = renderer.resource::<RenderAssets<GpuImage>>();
         let mut offset = 0;
         for source in sources {
-            let image = images.get(source.image).ok_or("a picture was not drawn")?;
+            let image = images.get(source.image).ok_or(PictureError::NotDrawn)?;
             copy(&mut encoder, image, *source, buffer, offset);
             offset += source.num_bytes();
         }
@@ -72,15 +89,15 @@ impl Readback {
         let slice = buffer.slice(0..num_bytes as u64);
         let (sender, receiver) = std::sync::mpsc::channel();
         device.map_buffer(&slice, MapMode::Read, move |result| {
-            // Who asked for it waits for it.
+            // The receiver lives until the end of this function, which waits for the device.
             let _ = sender.send(result);
         });
         device
             .poll(PollType::wait_indefinitely())
-            .map_err(|error| format!("the renderer has failed: {error}"))?;
+            .map_err(|error| PictureError::Renderer(error.to_string()))?;
         match receiver.try_recv() {
             Ok(Ok(())) => take(&slice.get_mapped_range()),
-            _ => return Err("the renderer has failed: it gives no pictures".into()),
+            _ => return Err(PictureError::Renderer("it gives no pictures".to_owned())),
         }
         buffer.unmap();
         Ok(())
@@ -103,7 +120,7 @@ impl Readback {
 fn copy(
     encoder: &mut CommandEncoder,
     image: &GpuImage,
-    source: Source,
+    source: PictureSource,
     buffer: &Buffer,
     offset: usize,
 ) {

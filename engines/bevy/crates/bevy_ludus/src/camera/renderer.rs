@@ -1,14 +1,15 @@
-//! Bevy's renderer, drawing when it is told to.
+//! Bevy's renderer, which draws on demand.
 
+use super::error::PictureError;
 use super::shaders::Shaders;
-use crate::plugin::run_on_one_thread;
+use crate::error::print_error;
+use crate::schedules::fit_executors_to_cores;
 use bevy_app::{App, AppExit, Last, PostUpdate, SubApp};
 use bevy_asset::handle_internal_asset_events;
 use bevy_ecs::prelude::*;
 use bevy_light::cluster::GlobalClusterSettings;
 use bevy_render::error_handler::{RenderError, RenderErrorHandler, RenderErrorPolicy};
 use bevy_render::{RenderApp, RenderPlugin};
-use bevy_tasks::ComputeTaskPool;
 use bevy_time::TimeReceiver;
 use bevy_window::Window;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -22,7 +23,7 @@ const SHADER_PAUSE: Duration = Duration::from_millis(1);
 /// pictures in the middle of one.
 #[derive(Resource)]
 pub(crate) struct Renderer {
-    // A mutex only because apps may not be shared between threads; nobody ever waits for it.
+    // A mutex only because `SubApp` is not `Sync`, which resources must be; it is never contended.
     app: Mutex<SubApp>,
     shaders: Shaders,
 }
@@ -39,9 +40,7 @@ pub(crate) fn take_turn() -> MutexGuard<'static, ()> {
 /// Takes the renderer out of an app, when all plugins have been set up.
 pub(crate) fn take_renderer(app: &mut App) {
     if let Some(mut renderer) = app.remove_sub_app(RenderApp) {
-        if ComputeTaskPool::try_get().is_none_or(|pool| pool.thread_num() <= 1) {
-            run_on_one_thread(&mut renderer);
-        }
+        fit_executors_to_cores(&mut renderer);
         if let Some(mut clusters) = app.world_mut().get_resource_mut::<GlobalClusterSettings>() {
             // The graphics card sizes its clusters by what earlier frames needed, so that the first
             // ones may be wrong.
@@ -66,28 +65,23 @@ pub(crate) fn take_renderer(app: &mut App) {
 #[derive(Resource, Debug, Default)]
 pub(crate) struct RendererMissing;
 
-/// What has gone wrong in the renderer; empty if nothing has.
+/// What has gone wrong in the renderer.
 #[derive(Resource, Debug, Default)]
-struct RenderFailure(String);
+struct RenderFailure(Option<PictureError>);
 
 /// Keeps an error for the trainer. Bevy itself would end the game.
 fn note_failure(error: &RenderError, world: &mut World, _: &mut World) -> RenderErrorPolicy {
-    let text = format!(
-        "the renderer has failed: {:?}: {}",
-        error.ty, error.description
-    );
-    world.insert_resource(RenderFailure(text));
+    let text = format!("{:?}: {}", error.ty, error.description);
+    world.insert_resource(RenderFailure(Some(PictureError::Renderer(text))));
     RenderErrorPolicy::StopRendering
 }
 
 /// Draws what windows show, at the end of an update, as Bevy itself would.
-#[allow(clippy::print_stderr)]
 fn draw_windows(world: &mut World) {
     let _turn = take_turn();
     world.resource_scope(|world, mut renderer: Mut<Renderer>| renderer.draw_as_it_is(world));
-    let failure = &world.resource::<RenderFailure>().0;
-    if !failure.is_empty() {
-        eprintln!("ludus: {failure}");
+    if let Some(error) = &world.resource::<RenderFailure>().0 {
+        print_error(error, "");
         world.write_message(AppExit::error());
     }
 }
@@ -97,7 +91,7 @@ impl Renderer {
     ///
     /// # Errors
     /// The renderer has failed.
-    pub fn draw(&mut self, world: &mut World) -> Result<(), String> {
+    pub fn draw(&mut self, world: &mut World) -> Result<(), PictureError> {
         loop {
             self.draw_once(world)?;
             let app = self.app.get_mut().unwrap_or_else(PoisonError::into_inner);
@@ -115,16 +109,12 @@ impl Renderer {
         self.app().world()
     }
 
-    fn draw_once(&mut self, world: &mut World) -> Result<(), String> {
+    fn draw_once(&mut self, world: &mut World) -> Result<(), PictureError> {
         let is_run = world.try_run_schedule(PostUpdate);
         debug_assert!(is_run.is_ok(), "every app has it");
         self.draw_as_it_is(world);
-        let failure = &world.resource::<RenderFailure>().0;
-        if failure.is_empty() {
-            Ok(())
-        } else {
-            Err(failure.clone())
-        }
+        let failure = world.resource::<RenderFailure>().0.clone();
+        failure.map_or(Ok(()), Err)
     }
 
     fn draw_as_it_is(&mut self, world: &mut World) {

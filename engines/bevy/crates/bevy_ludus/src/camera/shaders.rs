@@ -1,6 +1,7 @@
 //! The shaders of a renderer: they are compiled when they are needed first, and until then what they
 //! draw is missing in pictures.
 
+use crate::error::print_error;
 use bevy_ecs::prelude::*;
 use bevy_render::render_resource::{
     CachedPipeline, CachedPipelineState, PipelineCache, PipelineDescriptor,
@@ -9,8 +10,8 @@ use bevy_render::renderer::RenderDevice;
 use std::collections::HashSet;
 use std::time::{Duration, Instant};
 
-/// Shaders that are not compiled so long after others were are those of parts of Bevy that the
-/// game, or this renderer, has not.
+/// Shaders that are still not compiled this long after the last one belong to parts of Bevy that
+/// the game lacks, or that this renderer cannot run.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Index of a pipeline in Bevy's cache.
@@ -54,7 +55,6 @@ impl Shaders {
             .collect()
     }
 
-    #[allow(clippy::print_stderr)]
     fn give_up(&mut self, cache: &PipelineCache, unready: Vec<CachedPipelineId>) {
         let label = |pipeline: &CachedPipeline| match &pipeline.descriptor {
             PipelineDescriptor::RenderPipelineDescriptor(it) => it.label.clone(),
@@ -65,7 +65,7 @@ impl Shaders {
             .filter(|(id, _)| unready.contains(id))
             .filter_map(|(_, pipeline)| label(pipeline))
             .collect();
-        eprintln!("ludus: drawing without {}", labels.join(", "));
+        print_error(&format_args!("drawing without {}", labels.join(", ")), "");
         self.given_up.extend(unready);
     }
 }

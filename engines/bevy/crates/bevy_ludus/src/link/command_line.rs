@@ -22,7 +22,7 @@ pub struct CommandLine {
     pub policies: Vec<(String, PathBuf)>,
     /// Whether those policies draw their actions.
     pub is_sampling: bool,
-    /// Whether every episode that ends is told on the standard output.
+    /// Whether a line is printed for every episode that ends.
     pub has_report: bool,
     /// Whether the game leaves out its window and, without a trainer, plays as fast as it can.
     pub is_headless: bool,
@@ -31,7 +31,7 @@ pub struct CommandLine {
 }
 
 impl CommandLine {
-    /// Reads arguments; those that are not for Ludus are passed over.
+    /// Reads arguments; those that are not for Ludus are ignored.
     ///
     /// # Errors
     /// An address is none, or the file with the token cannot be read.

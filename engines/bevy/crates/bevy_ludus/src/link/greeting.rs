@@ -1,7 +1,7 @@
 //! Greeting the trainer and taking its settings (PROTOCOL.md §3).
 
 use super::{CommandLine, Link};
-use crate::trainer::Failure;
+use crate::training::Failure;
 use crate::wire::{
     CAPABILITIES, ConnectionState, EngineConfig, EngineName, ErrorCode, ErrorReport, FrameType,
     Hello, MAX_WORLDS, PROTOCOL_MAX, PROTOCOL_MIN, Versions, Welcome, encode_json, is_same_token,

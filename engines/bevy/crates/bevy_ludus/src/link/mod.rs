@@ -1,9 +1,9 @@
 //! The connection to a trainer: TCP or a Unix socket, blocking, every wait with a deadline.
 
 mod address;
+mod busy_poller;
 mod command_line;
 mod greeting;
-mod looks;
 mod stream;
 mod tcp_plugin;
 
@@ -15,7 +15,7 @@ pub(crate) use greeting::greet;
 pub(crate) use tcp_plugin::PendingLink;
 
 use crate::wire::{EngineConfig, FrameType, HEADER_BYTES, MAX_SPIN_US, WireError, decode_header};
-use looks::Looks;
+use busy_poller::BusyPoller;
 use std::io::{self, ErrorKind};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -71,7 +71,7 @@ pub struct Link {
     frame_bytes: usize,
     idle_timeout: Duration,
     spin: Duration,
-    looks: Looks,
+    poller: BusyPoller,
     /// Whether the other side is on this machine.
     pub is_local: bool,
 }
@@ -114,7 +114,7 @@ impl Link {
             frame_bytes: 0,
             idle_timeout: START_TIMEOUT,
             spin: Duration::ZERO,
-            looks: Looks::default(),
+            poller: BusyPoller::default(),
             is_local,
         }
     }
@@ -192,26 +192,26 @@ impl Link {
             .unwrap_or_default()
     }
 
-    /// Looks for data again and again for a while and returns how many bytes have come; none if it
-    /// was in vain, or somebody else needs the core. Waking up costs tens of microseconds, where a
-    /// core is free for looking.
+    /// Polls for data for a while and returns how many bytes have come; none if there were none, or
+    /// somebody else needs the core. Waking up from sleep costs tens of microseconds, where a core
+    /// is free for polling.
     fn spin_for_data(&mut self) -> io::Result<Option<usize>> {
         let mut now = Instant::now();
-        if self.spin.is_zero() || self.looks.is_respite(now) {
+        if self.spin.is_zero() || self.poller.is_backing_off(now) {
             return Ok(None);
         }
         let end = now + self.spin;
         let mut was_away = false;
         self.stream.set_nonblocking(true)?;
         let mut result = Err(ErrorKind::WouldBlock.into());
-        while now < end && is_empty_handed(&result) {
+        while now < end && has_no_data(&result) {
             let before = now;
             result = self.stream.read(&mut self.input[self.filled..]);
             now = Instant::now();
-            was_away |= Looks::was_away(before, now);
+            was_away |= BusyPoller::was_away(before, now);
         }
-        if was_away || is_empty_handed(&result) {
-            self.looks.note_lost(now);
+        if was_away || has_no_data(&result) {
+            self.poller.record_miss(now);
         }
         self.stream.set_nonblocking(false)?;
         match result {
@@ -220,7 +220,7 @@ impl Link {
         }
     }
 
-    /// Reads until so many bytes have come.
+    /// Reads until this many bytes have come.
     fn fill(&mut self, num_bytes: usize, began: Instant) -> Result<(), LinkError> {
         while self.filled < num_bytes {
             let left = FRAME_TIMEOUT.saturating_sub(began.elapsed());
@@ -259,7 +259,7 @@ impl Link {
     }
 }
 
-fn is_empty_handed(result: &io::Result<usize>) -> bool {
+fn has_no_data(result: &io::Result<usize>) -> bool {
     result
         .as_ref()
         .is_err_and(|error| error.kind() == ErrorKind::WouldBlock)

@@ -1,6 +1,7 @@
 //! The plugin that connects the app with a trainer.
 
 use super::{Address, CommandLine, LinkError};
+use crate::error::print_error;
 use crate::model::answer_parity;
 use bevy_app::{App, AppExit, Plugin, PluginsState};
 use bevy_ecs::prelude::*;
@@ -77,7 +78,7 @@ impl LudusTcpPlugin {
 impl Plugin for LudusTcpPlugin {
     fn build(&self, app: &mut App) {
         match CommandLine::read(std::env::args().skip(1)) {
-            Ok(read) if read.is_asked => tell(app),
+            Ok(read) if read.is_asked => print_signature(app),
             Ok(CommandLine {
                 parity: Some(folder),
                 ..
@@ -97,19 +98,14 @@ impl Plugin for LudusTcpPlugin {
 /// Lets the app end with an error before it begins.
 fn refuse(app: &mut App, error: LinkError) {
     app.set_runner(move |_| {
-        complain(&error);
+        print_error(&error, "");
         AppExit::error()
     });
 }
 
-#[allow(clippy::print_stderr)]
-fn complain(error: &dyn std::fmt::Display) {
-    eprintln!("ludus: {error}");
-}
-
 /// Lets the app say what it is and end.
 #[allow(clippy::print_stdout)]
-fn tell(app: &mut App) {
+fn print_signature(app: &mut App) {
     app.set_runner(|_| {
         println!("{SIGNATURE}");
         AppExit::Success
@@ -121,7 +117,7 @@ fn answer(app: &mut App, folder: PathBuf) {
     app.set_runner(move |_| match answer_parity(&folder) {
         Ok(()) => AppExit::Success,
         Err(error) => {
-            complain(&error);
+            print_error(&error, "");
             AppExit::error()
         }
     });

@@ -13,6 +13,7 @@ mod fit;
 mod gru;
 mod head;
 mod network;
+#[cfg(feature = "trainer")]
 mod parity;
 mod policy_model;
 mod vision;
@@ -27,4 +28,5 @@ pub use policy_model::{
     PolicyModel, is_image,
 };
 
+#[cfg(feature = "trainer")]
 pub(crate) use parity::answer as answer_parity;

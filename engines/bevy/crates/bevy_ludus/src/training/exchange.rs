@@ -1,18 +1,19 @@
 //! The system in which the app waits for the trainer.
 
+use super::ceiling::Ceiling;
+use super::pace::Pace;
+use super::{Failure, Pending, Trainer};
 use crate::advance::{WorldReset, enter};
-use crate::ceiling::Ceiling;
+use crate::error::{end_with_error, print_error};
 use crate::link::{CommandLine, LinkError, PendingLink, connect, greet};
-use crate::methods;
-use crate::pace::Pace;
 use crate::play;
+use crate::policy_plugin::PolicySources;
 use crate::requests::{Requests, TrainingStatus};
 use crate::schedules::ControlState;
 use crate::stage::Stage;
-use crate::trainer::{Failure, Host, IsolatedClock, Pending, Trainer};
 use crate::wire::{
-    Call, CallResult, ErrorCode, ErrorReport, FLAG_RESET, FrameType, ResetAction, ResetRequest,
-    WireError, encode_frame, encode_json, read_object,
+    Call, CallResult, ErrorReport, FLAG_RESET, FrameType, ResetAction, ResetRequest, WireError,
+    encode_frame, encode_json, read_object,
 };
 use bevy_app::AppExit;
 use bevy_ecs::prelude::*;
@@ -21,10 +22,10 @@ use bevy_time::{Fixed, Real, Time, TimeUpdateStrategy, Virtual};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
-/// How the update of the app goes on.
+/// What the update of the app does after the exchange.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Next {
-    /// So many ticks pass.
+    /// This number of ticks pass.
     Ticks(u32),
     /// The trainer has gone.
     End,
@@ -44,7 +45,7 @@ pub(crate) fn exchange(world: &mut World, mut has_started: Local<bool>) {
         if let Err(failure) = &next
             && let Some(report) = failure.report()
         {
-            trainer.tell(&report);
+            trainer.report_error(&report);
         }
         next
     });
@@ -52,7 +53,7 @@ pub(crate) fn exchange(world: &mut World, mut has_started: Local<bool>) {
         Ok(Next::Ticks(ticks)) => let_pass(world, ticks),
         Ok(Next::End) => quit(world, AppExit::Success),
         Err(failure) => {
-            complain(&failure);
+            print_error(&failure, failure.hint());
             quit(world, AppExit::error());
         }
     }
@@ -65,40 +66,41 @@ fn start(world: &mut World) {
         .map(|pending| pending.0);
     let arguments = arguments.unwrap_or_default();
     let started = if arguments.has_trainer() {
-        meet(world, &arguments)
+        connect_and_open(world, &arguments)
     } else {
-        play::start(world, &arguments)
+        let mut sources = world.remove_resource::<PolicySources>().unwrap_or_default();
+        sources.overlay(&arguments);
+        play::start(world, &sources).map_err(Failure::Opening)
     };
     if let Err(failure) = started {
-        complain(&failure);
-        quit(world, AppExit::error());
+        end_with_error(world, &failure, failure.hint());
+        stop_clock(world);
     }
 }
 
-fn meet(world: &mut World, arguments: &CommandLine) -> Result<(), Failure> {
+fn connect_and_open(world: &mut World, arguments: &CommandLine) -> Result<(), Failure> {
     let mut link = connect(arguments)?;
     let (state, welcome) = match greet(&mut link, arguments) {
         Ok(greeted) => greeted,
         Err(failure) => {
-            farewell(&mut link, &failure);
+            report_failure(&mut link, &failure);
             return Err(failure);
         }
     };
     link.watch_parent(arguments.parent_pid);
     link.set_pace(&welcome.config);
-    let mut teller = link.try_clone()?;
+    // The trainer takes the link; an error in opening it has to reach the other side all the same.
+    let mut reporter = link.try_clone()?;
     let mut trainer =
         Trainer::open(world, link, state, &welcome.config).inspect_err(|failure| {
-            farewell(&mut teller, failure);
+            report_failure(&mut reporter, failure);
         })?;
     trainer.has_requests = welcome.capabilities.iter().any(|name| name == "requests");
     if trainer.has_requests {
         world.resource_mut::<Requests>().open();
-        if let Host::Isolated(apps) = &mut trainer.host {
-            apps.open_requests();
-        }
+        trainer.host.open_requests();
     }
-    let frame = encode_json(FrameType::Spec, trainer.spec(world))?;
+    let frame = encode_json(FrameType::Spec, trainer.host.spec(world))?;
     trainer.send(FrameType::Spec, &frame)?;
     // However many ticks a step has, none is dropped; nor those of the first update, in which
     // Bevy's clock only takes the time.
@@ -108,7 +110,6 @@ fn meet(world: &mut World, arguments: &CommandLine) -> Result<(), Failure> {
     world
         .resource_mut::<Time<Real>>()
         .update_with_duration(Duration::ZERO);
-    world.init_resource::<IsolatedClock>();
     if arguments.is_real_time {
         let timestep = world.resource::<Time<Fixed>>().timestep();
         world.insert_resource(Pace::new(timestep * trainer.ticks_per_step));
@@ -117,12 +118,12 @@ fn meet(world: &mut World, arguments: &CommandLine) -> Result<(), Failure> {
     Ok(())
 }
 
-fn farewell(link: &mut crate::link::Link, failure: &Failure) {
+fn report_failure(link: &mut crate::link::Link, failure: &Failure) {
     if let Some(frame) = failure
         .report()
         .and_then(|it| encode_json(FrameType::Error, &it).ok())
     {
-        // The trainer may be gone; then nobody is left to be told.
+        // An error means that the trainer has gone, and needs no report.
         let _ = link.send(&frame);
     }
 }
@@ -169,7 +170,7 @@ fn finish_pending(world: &mut World, trainer: &mut Trainer) -> Result<Option<Nex
         .get_resource_mut::<Stage>()
         .and_then(|mut stage| stage.error.take());
     if let Some(error) = error {
-        return Err(Failure::new(ErrorCode::Game, error, ""));
+        return Err(error.into());
     }
     trainer.check_ticks(world)?;
     match std::mem::replace(&mut trainer.pending, Pending::Nothing) {
@@ -180,23 +181,10 @@ fn finish_pending(world: &mut World, trainer: &mut Trainer) -> Result<Option<Nex
 
 fn take_step(world: &mut World, trainer: &mut Trainer) -> Result<Next, Failure> {
     let began = Instant::now();
-    trainer.take_actions(world)?;
-    let decoding = began.elapsed();
-    trainer.step(world)?;
-    if let Some(mut stage) = world.get_resource_mut::<Stage>() {
-        stage.bridge_time += decoding;
-    }
+    trainer.host.take_actions(world, trainer.link.payload())?;
+    let ticks = trainer.step(world, began.elapsed())?;
     trainer.pending = Pending::Step;
-    Ok(Next::Ticks(shared_ticks(trainer)))
-}
-
-/// Ticks that pass in this app; worlds in apps of their own have had theirs.
-fn shared_ticks(trainer: &Trainer) -> u32 {
-    if matches!(trainer.host, Host::Shared) {
-        trainer.ticks_per_step
-    } else {
-        0
-    }
+    Ok(Next::Ticks(ticks))
 }
 
 fn take_reset(world: &mut World, trainer: &mut Trainer) -> Result<Option<Next>, Failure> {
@@ -220,7 +208,7 @@ fn take_reset(world: &mut World, trainer: &mut Trainer) -> Result<Option<Next>, 
             },
         })
         .collect();
-    trainer.reset(world, &resets)?;
+    trainer.host.reset(world, &resets)?;
     trainer.answer(world, FLAG_RESET)?;
     enter(world, ControlState::PausedForControl);
     Ok(None)
@@ -232,14 +220,16 @@ fn take_call(world: &mut World, trainer: &mut Trainer) -> Result<Option<Next>, F
         let seed = call.whole_argument(1).unwrap_or(0);
         let num_steps = call.whole_argument(0).unwrap_or(1);
         trainer.restart(world)?;
-        trainer.set_encoding(world, false);
+        trainer.host.set_encoding(world, false);
         trainer.state.require_reset();
         return go_on(world, trainer, Ceiling::new(call.id, num_steps, seed));
     }
     let outcome = if call.is_for_bridge() {
         call_bridge(world, &call)
+    } else if let Some(number) = call.world() {
+        trainer.host.call(world, &call, number)
     } else {
-        call_game(world, trainer, &call)
+        Err("a call names a world, or the bridge".to_owned())
     };
     let frame = encode_json(FrameType::Result, &CallResult::of(&call, outcome))?;
     trainer.send(FrameType::Result, &frame)?;
@@ -252,15 +242,9 @@ fn go_on(
     trainer: &mut Trainer,
     mut ceiling: Ceiling,
 ) -> Result<Option<Next>, Failure> {
-    let elapsed = match &mut trainer.host {
-        Host::Shared => {
-            let stage = &mut *world.resource_mut::<Stage>();
-            ceiling.advance(&stage.spec, &mut stage.actions)
-        }
-        Host::Isolated(apps) => ceiling.advance(&apps.spec, &mut apps.actions),
-    };
+    let elapsed = trainer.host.draw_actions(world, &mut ceiling);
     if let Some(elapsed) = elapsed {
-        trainer.set_encoding(world, true);
+        trainer.host.set_encoding(world, true);
         let value = json!({
             "elapsed_us": elapsed.as_micros() as u64, "num_steps": ceiling.num_steps
         });
@@ -271,9 +255,9 @@ fn go_on(
         trainer.send(FrameType::Result, &frame)?;
         return Ok(None);
     }
-    trainer.step(world)?;
+    let ticks = trainer.step(world, Duration::ZERO)?;
     trainer.pending = Pending::Ceiling(ceiling);
-    Ok(Some(Next::Ticks(shared_ticks(trainer))))
+    Ok(Some(Next::Ticks(ticks)))
 }
 
 fn call_bridge(world: &mut World, call: &Call) -> Result<Value, String> {
@@ -290,16 +274,6 @@ fn call_bridge(world: &mut World, call: &Call) -> Result<Value, String> {
     }
 }
 
-fn call_game(world: &mut World, trainer: &mut Trainer, call: &Call) -> Result<Value, String> {
-    let number = call.world().ok_or("a call names a world, or the bridge")?;
-    match &mut trainer.host {
-        Host::Shared => methods::call(world, call, number),
-        Host::Isolated(apps) => apps
-            .with_world(number, |world| methods::call(world, call, 0))
-            .unwrap_or_else(|| Err(format!("there is no world {number}"))),
-    }
-}
-
 /// Lets ticks pass in this update of the app, however much time passes for people.
 fn let_pass(world: &mut World, ticks: u32) {
     world.insert_resource(TimeUpdateStrategy::FixedTimesteps(ticks));
@@ -310,17 +284,11 @@ fn let_pass(world: &mut World, ticks: u32) {
 
 fn quit(world: &mut World, exit: AppExit) {
     world.remove_resource::<Trainer>();
-    world.insert_resource(TimeUpdateStrategy::FixedTimesteps(0));
     world.write_message(exit);
+    stop_clock(world);
 }
 
-/// The last words of a game that fails, for whoever reads its output.
-#[allow(clippy::print_stderr)]
-fn complain(failure: &Failure) {
-    eprintln!("ludus: {failure}");
-    if let Failure::Told(report) = failure
-        && !report.hint.is_empty()
-    {
-        eprintln!("hint: {}", report.hint);
-    }
+/// Lets no tick pass in the update that is the app's last.
+fn stop_clock(world: &mut World) {
+    world.insert_resource(TimeUpdateStrategy::FixedTimesteps(0));
 }

@@ -1,19 +1,28 @@
 //! Isolated worlds: an app for each, stepped in parallel on the task pool.
 
+use super::Failure;
+use super::ceiling::Ceiling;
+use super::host::Host;
+use super::isolated_frames::{gather, merge_specs, scatter};
 use crate::advance::{WorldReset, reset_worlds};
-use crate::isolated_frames::{gather, merge_specs, scatter};
+use crate::error::GameError;
+use crate::link::Link;
+use crate::methods::{self, MethodResult};
 use crate::opening::{Opening, open};
-use crate::plugin::{IsolatedBy, build_core, run_on_one_thread};
+use crate::plugin::{IsolatedBy, build_core};
 use crate::requests::Requests;
+use crate::schedules::run_on_one_thread;
 use crate::stage::{Settings, Stage};
 use crate::wire::{
-    ActionFrame, ActionLayout, BatchFrame, BatchLayout, ResetAction, Spec, WorldLayout,
+    ActionFrame, ActionLayout, BatchFrame, BatchHead, BatchLayout, Call, ResetAction, Spec,
+    WireError, WorldLayout,
 };
 use bevy_app::{App, PluginsState, SubApp};
 use bevy_ecs::prelude::*;
 use bevy_tasks::{ComputeTaskPool, tick_global_task_pools_on_main_thread};
 use bevy_time::TimeUpdateStrategy;
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// How often a thread may take new work in one step; more than once, as worlds differ.
 const CHUNKS_PER_THREAD: usize = 4;
@@ -32,26 +41,37 @@ impl IsolatedWorlds {
 }
 
 /// All isolated worlds, and their common arrays.
-pub(crate) struct IsolatedApps {
-    // A mutex only because apps may not be shared between threads; nobody ever waits for it.
+pub(super) struct IsolatedApps {
+    // A mutex only because `SubApp` is not `Sync`, which resources must be; it is never contended.
     apps: Vec<Mutex<SubApp>>,
     settings: Settings,
     fill: IsolatedBy,
     opening: Opening,
     /// Whether a trainer takes requests.
     is_heard: bool,
-    pub spec: Spec,
-    pub actions: ActionFrame,
-    pub batch: BatchFrame,
+    spec: Spec,
+    actions: ActionFrame,
+    batch: BatchFrame,
+    /// How long the last step of all worlds took.
+    step_time: Duration,
 }
 
 impl IsolatedApps {
-    pub fn open(fill: IsolatedBy, settings: &Settings, opening: Opening) -> Result<Self, String> {
+    pub fn open(
+        fill: IsolatedBy,
+        settings: &Settings,
+        opening: Opening,
+    ) -> Result<Self, GameError> {
         let settings = Settings {
             is_isolated: true,
             ..settings.clone()
         };
         let apps = build_all(&fill, &settings, opening)?;
+        #[cfg(feature = "camera")]
+        if let Some(first) = apps.first() {
+            let app = first.lock().unwrap_or_else(PoisonError::into_inner);
+            crate::camera::check_renderer(app.world())?;
+        }
         let spec = merge_specs(&apps)?;
         Ok(Self {
             actions: ActionFrame::new(ActionLayout::new(&spec)),
@@ -62,21 +82,64 @@ impl IsolatedApps {
             fill,
             opening,
             is_heard: false,
+            step_time: Duration::ZERO,
         })
     }
 
-    /// Plays one step in all worlds.
-    pub fn step(&mut self) -> Result<(), String> {
+    /// Puts the rows of all worlds together.
+    fn finish(&mut self) -> Result<(), GameError> {
+        self.batch
+            .finals
+            .iter_mut()
+            .for_each(crate::wire::FinalRows::clear);
+        for (number, app) in self.apps.iter_mut().enumerate() {
+            let world = exclusive(app).world_mut();
+            let mut stage = world.resource_mut::<Stage>();
+            if let Some(error) = stage.error.take() {
+                let (world, error) = (number, Box::new(error));
+                return Err(GameError::InWorld { world, error });
+            }
+            gather(&mut stage, number, &mut self.batch);
+        }
+        Ok(())
+    }
+}
+
+impl Host for IsolatedApps {
+    fn spec<'a>(&'a self, _: &'a World) -> &'a Spec {
+        &self.spec
+    }
+
+    fn take_actions(&mut self, _: &mut World, payload: &[u8]) -> Result<(), WireError> {
+        self.actions.decode(payload)?;
+        for (policy, spec) in self.spec.policies.iter().enumerate() {
+            let array = self.batch.layout().policies[policy].active;
+            let active = &self.batch.bytes()[array.rows(0..spec.num_agents as usize)];
+            self.actions.check_choices(policy, &spec.name, active)?;
+        }
+        Ok(())
+    }
+
+    fn draw_actions(&mut self, _: &mut World, ceiling: &mut Ceiling) -> Option<Duration> {
+        ceiling.advance(&self.spec, &mut self.actions)
+    }
+
+    /// Plays the step at once, in all apps; none of its ticks is left for the one that waits.
+    fn step(&mut self, _: &mut World, _: u32, _: Duration) -> Result<u32, GameError> {
+        let began = Instant::now();
         let actions = &self.actions;
         for_all(&mut self.apps, |number, app| {
             scatter(actions, number, app.world_mut());
             app.update();
         });
-        self.finish()
+        let finished = self.finish();
+        self.step_time = began.elapsed();
+        finished.map(|()| 0)
     }
 
-    /// Resets worlds. If all get a seed their apps are made anew, with all that they hold.
-    pub fn reset(&mut self, resets: &[WorldReset]) -> Result<(), String> {
+    /// If all worlds get a seed, their apps are made again, with all that they hold: a game may keep
+    /// its state in resources.
+    fn reset(&mut self, _: &mut World, resets: &[WorldReset]) -> Result<(), GameError> {
         if resets.iter().all(|reset| reset.action == ResetAction::Seed) {
             let fresh = build_all(&self.fill, &self.settings, self.opening)?;
             for (own, new) in self.apps.iter_mut().zip(fresh) {
@@ -94,60 +157,48 @@ impl IsolatedApps {
         self.finish()
     }
 
-    /// Calls something on the app of one world.
-    pub fn with_world<T>(
-        &mut self,
-        number: usize,
-        function: impl FnOnce(&mut World) -> T,
-    ) -> Option<T> {
+    /// All worlds have had the same number.
+    fn num_ticks(&mut self, _: &World) -> u64 {
         self.apps
-            .get_mut(number)
-            .map(|app| function(exclusive(app).world_mut()))
+            .first_mut()
+            .map_or(0, |app| stage_of(app).num_ticks)
     }
 
-    pub fn set_encoding(&mut self, is_encoding: bool) {
+    fn send_batch(
+        &mut self,
+        _: &mut World,
+        mut head: BatchHead,
+        link: &mut Link,
+    ) -> Result<(), Failure> {
+        head.engine_us = self.step_time.as_micros() as u32;
+        link.send(self.batch.encode(head)?)?;
+        self.batch.shorten();
+        Ok(())
+    }
+
+    fn set_encoding(&mut self, _: &mut World, is_encoding: bool) {
         for app in &mut self.apps {
             stage_of(app).is_encoding = is_encoding;
         }
     }
 
-    /// Takes over what the worlds ask of the trainer.
-    pub fn take_requests(&mut self, requests: &mut Requests) {
-        for app in &mut self.apps {
-            requests.take_over(&mut exclusive(app).world_mut().resource_mut::<Requests>());
-        }
-    }
-
-    /// Lets the worlds ask things of the trainer.
-    pub fn open_requests(&mut self) {
+    fn open_requests(&mut self) {
         self.is_heard = true;
         for app in &mut self.apps {
             exclusive(app).world_mut().resource_mut::<Requests>().open();
         }
     }
 
-    /// Puts the rows of all worlds together.
-    fn finish(&mut self) -> Result<(), String> {
-        self.batch
-            .finals
-            .iter_mut()
-            .for_each(crate::wire::FinalRows::clear);
-        for (number, app) in self.apps.iter_mut().enumerate() {
-            let world = exclusive(app).world_mut();
-            let mut stage = world.resource_mut::<Stage>();
-            if let Some(error) = stage.error.take() {
-                return Err(format!("world {number}: {error}"));
-            }
-            gather(&mut stage, number, &mut self.batch);
+    fn take_requests(&mut self, requests: &mut Requests) {
+        for app in &mut self.apps {
+            requests.take_over(&mut exclusive(app).world_mut().resource_mut::<Requests>());
         }
-        Ok(())
     }
 
-    /// Ticks that the worlds have had; they all have had the same number.
-    pub fn num_ticks(&mut self) -> u64 {
-        self.apps
-            .first_mut()
-            .map_or(0, |app| stage_of(app).num_ticks)
+    fn call(&mut self, _: &mut World, call: &Call, number: usize) -> MethodResult {
+        let app = self.apps.get_mut(number);
+        let app = app.ok_or_else(|| format!("there is no world {number}"))?;
+        methods::call(exclusive(app).world_mut(), call, 0)
     }
 }
 
@@ -174,7 +225,7 @@ fn build_all(
     fill: &IsolatedBy,
     settings: &Settings,
     opening: Opening,
-) -> Result<Vec<Mutex<SubApp>>, String> {
+) -> Result<Vec<Mutex<SubApp>>, GameError> {
     let build = |number| {
         let first_world = opening.first_world + number as u64;
         let own = Opening {
@@ -187,7 +238,11 @@ fn build_all(
     (0..opening.num_worlds).map(build).collect()
 }
 
-fn build_one(fill: &IsolatedBy, settings: &Settings, opening: Opening) -> Result<SubApp, String> {
+fn build_one(
+    fill: &IsolatedBy,
+    settings: &Settings,
+    opening: Opening,
+) -> Result<SubApp, GameError> {
     let mut app = App::new();
     fill(&mut app);
     build_core(&mut app, settings);
@@ -209,9 +264,8 @@ fn build_one(fill: &IsolatedBy, settings: &Settings, opening: Opening) -> Result
     Ok(app)
 }
 
-pub(crate) fn exclusive(app: &mut Mutex<SubApp>) -> &mut SubApp {
-    app.get_mut()
-        .unwrap_or_else(std::sync::PoisonError::into_inner)
+fn exclusive(app: &mut Mutex<SubApp>) -> &mut SubApp {
+    app.get_mut().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn stage_of(app: &mut Mutex<SubApp>) -> Mut<'_, Stage> {

@@ -1,5 +1,6 @@
 //! Rows of single worlds are put together into one batch, and actions taken apart.
 
+use crate::error::GameError;
 use crate::stage::Stage;
 use crate::wire::{ActionFrame, BatchFrame, PolicySpec, Spec};
 use bevy_app::SubApp;
@@ -7,7 +8,7 @@ use bevy_ecs::prelude::*;
 use std::sync::Mutex;
 
 /// Makes the spec of all worlds of the specs of single ones, which must be alike.
-pub(crate) fn merge_specs(apps: &[Mutex<SubApp>]) -> Result<Spec, String> {
+pub(super) fn merge_specs(apps: &[Mutex<SubApp>]) -> Result<Spec, GameError> {
     let mut merged: Option<Spec> = None;
     for (number, app) in apps.iter().enumerate() {
         let app = app
@@ -19,19 +20,19 @@ pub(crate) fn merge_specs(apps: &[Mutex<SubApp>]) -> Result<Spec, String> {
             Some(spec) => append(spec, own, number as u64)?,
         }
     }
-    let spec = merged.ok_or("there are no worlds")?;
-    spec.validate().map_err(|error| error.to_string())?;
+    let spec = merged.ok_or(GameError::NoPolicy)?;
+    spec.validate()?;
     Ok(spec)
 }
 
-fn append(spec: &mut Spec, own: &Spec, number: u64) -> Result<(), String> {
+fn append(spec: &mut Spec, own: &Spec, number: u64) -> Result<(), GameError> {
     let is_alike = |(one, other): (&PolicySpec, &PolicySpec)| {
         one.name == other.name && one.agents_per_world == other.agents_per_world
     };
     let is_fit = spec.policies.len() == own.policies.len()
         && spec.policies.iter().zip(&own.policies).all(is_alike);
     if !is_fit {
-        return Err(format!("world {number} has other agents than world 0"));
+        return Err(GameError::UnlikeWorlds(number as usize));
     }
     spec.num_worlds += 1;
     for (policy, own) in spec.policies.iter_mut().zip(&own.policies) {
@@ -46,7 +47,7 @@ fn append(spec: &mut Spec, own: &Spec, number: u64) -> Result<(), String> {
 }
 
 /// Hands a world its part of all actions.
-pub(crate) fn scatter(actions: &ActionFrame, number: usize, world: &mut World) {
+pub(super) fn scatter(actions: &ActionFrame, number: usize, world: &mut World) {
     let mut stage = world.resource_mut::<Stage>();
     stage.is_stepping = true;
     let layouts = &actions.layout().policies;
@@ -61,7 +62,7 @@ pub(crate) fn scatter(actions: &ActionFrame, number: usize, world: &mut World) {
 }
 
 /// Copies the rows of a world to their places among those of all worlds.
-pub(crate) fn gather(stage: &mut Stage, number: usize, batch: &mut BatchFrame) {
+pub(super) fn gather(stage: &mut Stage, number: usize, batch: &mut BatchFrame) {
     let (layout, bytes, finals) = batch.parts_mut();
     let own_bytes = stage.batch.bytes();
     for (policy, own) in stage.batch.layout().policies.iter().enumerate() {

@@ -1,17 +1,31 @@
-//! The conversation with a trainer, and the worlds that it is about.
+//! The conversation with a trainer, by the feature `trainer`, and the worlds that it is about.
 
-use crate::advance::{WorldReset, reset_worlds};
-use crate::ceiling::Ceiling;
-use crate::isolated::{IsolatedApps, IsolatedWorlds};
+mod ceiling;
+mod exchange;
+mod host;
+mod isolated;
+mod isolated_frames;
+mod pace;
+
+pub(crate) use exchange::exchange;
+pub(crate) use isolated::IsolatedWorlds;
+pub(crate) use pace::{Pace, keep_pace};
+
+use crate::advance::WorldReset;
+use crate::error::GameError;
 use crate::link::{Link, LinkError};
 use crate::opening::{Opening, open};
 use crate::requests::Requests;
-use crate::stage::{Settings, Stage};
+use crate::stage::Settings;
 use crate::wire::{
     BatchHead, ConnectionState, EngineConfig, ErrorCode, ErrorReport, FLAG_REQUESTS, FrameType,
-    ResetAction, Spec, WireError, WorldLayout, encode_json,
+    ResetAction, WireError, WorldLayout, encode_json,
 };
 use bevy_ecs::prelude::*;
+use ceiling::Ceiling;
+use host::{GridHost, Host};
+use isolated::IsolatedApps;
+use std::time::Duration;
 use thiserror::Error;
 
 /// Why a conversation ends in the middle.
@@ -21,8 +35,15 @@ pub(crate) enum Failure {
     Link(#[from] LinkError),
     #[error("{0}")]
     Wire(#[from] WireError),
+    /// The handshake is refused.
     #[error("{}", .0.message)]
-    Told(ErrorReport),
+    Refused(ErrorReport),
+    /// The worlds that the trainer asks for cannot be made.
+    #[error("{0}")]
+    Opening(GameError),
+    /// The game made a mistake while it played.
+    #[error("{0}")]
+    Game(#[from] GameError),
     /// The trainer has said what is wrong.
     #[error("the trainer ended the training: {0}")]
     Trainer(String),
@@ -30,14 +51,23 @@ pub(crate) enum Failure {
 
 impl Failure {
     pub fn new(code: ErrorCode, message: impl Into<String>, hint: &str) -> Self {
-        Self::Told(ErrorReport {
+        Self::Refused(ErrorReport {
             code,
             message: message.into(),
             hint: hint.to_owned(),
         })
     }
 
-    /// Returns what the trainer is told; nothing if it has gone or knows.
+    /// Returns what to do about it; empty where nothing is known.
+    pub fn hint(&self) -> &str {
+        match self {
+            Self::Refused(report) => &report.hint,
+            Self::Opening(error) | Self::Game(error) => error.hint(),
+            Self::Link(_) | Self::Wire(_) | Self::Trainer(_) => "",
+        }
+    }
+
+    /// Returns the report for the trainer; none if it has gone, or reported the error itself.
     pub fn report(&self) -> Option<ErrorReport> {
         let code = match self {
             Self::Link(LinkError::Wire(_)) => ErrorCode::Frame,
@@ -47,13 +77,23 @@ impl Failure {
                 ErrorCode::Sequence
             }
             Self::Wire(_) => ErrorCode::Frame,
-            Self::Told(report) => return Some(report.clone()),
+            Self::Refused(report) => return Some(report.clone()),
+            Self::Opening(error) => code_of_opening(error),
+            Self::Game(_) => ErrorCode::Game,
         };
         Some(ErrorReport {
             code,
             message: self.to_string(),
-            hint: String::new(),
+            hint: self.hint().to_owned(),
         })
+    }
+}
+
+fn code_of_opening(error: &GameError) -> ErrorCode {
+    match error {
+        #[cfg(feature = "camera")]
+        GameError::Picture(crate::camera::PictureError::NoRenderer) => ErrorCode::Renderer,
+        _ => ErrorCode::Config,
     }
 }
 
@@ -67,20 +107,12 @@ pub(crate) enum Pending {
     Ceiling(Ceiling),
 }
 
-/// Where the worlds live.
-pub(crate) enum Host {
-    /// In this app.
-    Shared,
-    /// Each in an app of its own.
-    Isolated(Box<IsolatedApps>),
-}
-
 /// A trainer, connected.
 #[derive(Resource)]
 pub(crate) struct Trainer {
     pub link: Link,
     pub state: ConnectionState,
-    pub host: Host,
+    pub host: Box<dyn Host>,
     pub pending: Pending,
     pub ticks_per_step: u32,
     pub num_worlds: usize,
@@ -98,7 +130,6 @@ impl Trainer {
         state: ConnectionState,
         config: &EngineConfig,
     ) -> Result<Self, Failure> {
-        let fail = |message: String| Failure::new(ErrorCode::Config, message, "");
         let settings = world.resource::<Settings>().clone();
         let worlds = world.resource::<IsolatedWorlds>().clone();
         let small =
@@ -114,24 +145,7 @@ impl Trainer {
             max_episode_steps: small(config.max_episode_steps),
             ticks_per_step: small(config.ticks_per_step),
         };
-        let host = if layout == WorldLayout::Isolated {
-            let fill = worlds.fill.ok_or_else(|| {
-                let hint = "give LudusPlugin a function with isolated_by(), or use the layout grid";
-                let text = "the game cannot make an app for each world";
-                Failure::new(ErrorCode::Config, text, hint)
-            })?;
-            #[cfg_attr(not(feature = "camera"), allow(unused_mut))]
-            let mut apps = IsolatedApps::open(fill, &settings, opening).map_err(fail)?;
-            #[cfg(feature = "camera")]
-            apps.with_world(0, |world| crate::camera::check_renderer(world))
-                .unwrap_or(Ok(()))?;
-            Host::Isolated(Box::new(apps))
-        } else {
-            open(world, opening).map_err(fail)?;
-            #[cfg(feature = "camera")]
-            crate::camera::check_renderer(world)?;
-            Host::Shared
-        };
+        let host = make_host(world, worlds, &settings, opening).map_err(Failure::Opening)?;
         Ok(Self {
             link,
             state,
@@ -145,13 +159,6 @@ impl Trainer {
         })
     }
 
-    pub fn spec<'a>(&'a self, world: &'a World) -> &'a Spec {
-        match &self.host {
-            Host::Shared => &world.resource::<Stage>().spec,
-            Host::Isolated(apps) => &apps.spec,
-        }
-    }
-
     /// Sends a frame, and notes it.
     pub fn send(&mut self, kind: FrameType, frame: &[u8]) -> Result<(), Failure> {
         self.state.send(kind)?;
@@ -159,26 +166,13 @@ impl Trainer {
     }
 
     /// Tells the trainer what is wrong, if it can be told.
-    pub fn tell(&mut self, report: &ErrorReport) {
+    pub fn report_error(&mut self, report: &ErrorReport) {
         let sent = encode_json(FrameType::Error, report).map(|frame| {
             let _ = self.state.send(FrameType::Error);
-            // The trainer may be gone; then nobody is left to be told.
+            // An error means that the trainer has gone, and needs no report.
             let _ = self.link.send(&frame);
         });
         debug_assert!(sent.is_ok(), "a report is JSON");
-    }
-
-    /// Resets worlds; the batch is the answer.
-    pub fn reset(&mut self, world: &mut World, resets: &[WorldReset]) -> Result<(), Failure> {
-        let game = |error| Failure::new(ErrorCode::Game, error, "");
-        match &mut self.host {
-            Host::Shared => {
-                reset_worlds(world, resets);
-                let error = world.resource_mut::<Stage>().error.take();
-                error.map_or(Ok(()), |error| Err(game(error)))
-            }
-            Host::Isolated(apps) => apps.reset(resets).map_err(game),
-        }
     }
 
     /// Begins new episodes everywhere, with the worlds' own random streams.
@@ -189,109 +183,58 @@ impl Trainer {
             seed: 0,
             parameters: serde_json::Value::Null,
         };
-        self.reset(world, &vec![reset; self.num_worlds])
+        Ok(self.host.reset(world, &vec![reset; self.num_worlds])?)
     }
 
-    /// Begins a step with the actions that are in place. Isolated worlds play it at once.
-    pub fn step(&mut self, world: &mut World) -> Result<(), Failure> {
+    /// Begins a step with the actions that are in place. Returns the ticks that this app is to pass.
+    pub fn step(&mut self, world: &mut World, decoding: Duration) -> Result<u32, Failure> {
         self.expected_ticks += u64::from(self.ticks_per_step);
-        match &mut self.host {
-            Host::Shared => {
-                let mut stage = world.resource_mut::<Stage>();
-                stage.is_stepping = true;
-                stage.bridge_time = std::time::Duration::ZERO;
-                Ok(())
-            }
-            Host::Isolated(apps) => {
-                let began = std::time::Instant::now();
-                let played = apps.step();
-                world.resource_mut::<IsolatedClock>().0 = began.elapsed();
-                played.map_err(|error| Failure::new(ErrorCode::Game, error, ""))
-            }
-        }
-    }
-
-    /// Takes in the actions of a `STEP` and checks them.
-    pub fn take_actions(&mut self, world: &mut World) -> Result<(), WireError> {
-        let payload = self.link.payload();
-        match &mut self.host {
-            Host::Shared => {
-                let stage = &mut *world.resource_mut::<Stage>();
-                stage.actions.decode(payload)?;
-                for (policy, roster) in stage.rosters.iter().enumerate() {
-                    let name = &stage.spec.policies[policy].name;
-                    stage.actions.check_choices(policy, name, &roster.active)?;
-                }
-            }
-            Host::Isolated(apps) => {
-                apps.actions.decode(payload)?;
-                for (policy, spec) in apps.spec.policies.iter().enumerate() {
-                    let array = apps.batch.layout().policies[policy].active;
-                    let active = &apps.batch.bytes()[array.rows(0..spec.num_agents as usize)];
-                    apps.actions.check_choices(policy, &spec.name, active)?;
-                }
-            }
-        }
-        Ok(())
+        Ok(self.host.step(world, self.ticks_per_step, decoding)?)
     }
 
     /// Checks that the fixed schedule ran as often as it should.
-    pub fn check_ticks(&mut self, world: &mut World) -> Result<(), Failure> {
-        let ticks = match &mut self.host {
-            Host::Shared => world.resource::<Stage>().num_ticks,
-            Host::Isolated(apps) => apps.num_ticks(),
-        };
-        if ticks == self.expected_ticks {
-            return Ok(());
+    pub fn check_ticks(&mut self, world: &World) -> Result<(), GameError> {
+        let (ran, expected) = (self.host.num_ticks(world), self.expected_ticks);
+        if ran == expected {
+            Ok(())
+        } else {
+            Err(GameError::Ticks { ran, expected })
         }
-        let text = format!("{ticks} ticks have run, expected {}", self.expected_ticks);
-        let hint = "neither pause Time<Virtual> in training nor change its speed";
-        Err(Failure::new(ErrorCode::Game, text, hint))
     }
 
     /// Sends the batch.
     pub fn answer(&mut self, world: &mut World, flags: u32) -> Result<(), Failure> {
         let mut requests = world.resource_mut::<Requests>();
-        if let Host::Isolated(apps) = &mut self.host {
-            apps.take_requests(&mut requests);
-        }
+        self.host.take_requests(&mut requests);
         let asks = if self.has_requests && !requests.is_empty() {
             FLAG_REQUESTS
         } else {
             0
         };
-        let mut head = BatchHead {
+        let head = BatchHead {
             tick: self.expected_ticks,
             wait_us: self.wait_us,
             flags: flags | asks,
             ..BatchHead::default()
         };
         self.state.send(FrameType::Batch)?;
-        match &mut self.host {
-            Host::Shared => {
-                let stage = &mut *world.resource_mut::<Stage>();
-                head.engine_us = stage.game_time.as_micros() as u32;
-                head.bridge_us = stage.bridge_time.as_micros() as u32;
-                self.link.send(stage.batch.encode(head)?)?;
-                stage.batch.shorten();
-            }
-            Host::Isolated(apps) => {
-                head.engine_us = world.resource::<IsolatedClock>().0.as_micros() as u32;
-                self.link.send(apps.batch.encode(head)?)?;
-                apps.batch.shorten();
-            }
-        }
-        Ok(())
-    }
-
-    pub fn set_encoding(&mut self, world: &mut World, is_encoding: bool) {
-        match &mut self.host {
-            Host::Shared => world.resource_mut::<Stage>().is_encoding = is_encoding,
-            Host::Isolated(apps) => apps.set_encoding(is_encoding),
-        }
+        self.host.send_batch(world, head, &mut self.link)
     }
 }
 
-/// How long the last step of all isolated worlds took.
-#[derive(Resource, Debug, Default)]
-pub(crate) struct IsolatedClock(pub std::time::Duration);
+/// Makes the worlds, in the layout that the trainer and the game agree on.
+fn make_host(
+    world: &mut World,
+    worlds: IsolatedWorlds,
+    settings: &Settings,
+    opening: Opening,
+) -> Result<Box<dyn Host>, GameError> {
+    if opening.layout == WorldLayout::Isolated {
+        let fill = worlds.fill.ok_or(GameError::NotDivisible)?;
+        return Ok(Box::new(IsolatedApps::open(fill, settings, opening)?));
+    }
+    open(world, opening)?;
+    #[cfg(feature = "camera")]
+    crate::camera::check_renderer(world)?;
+    Ok(Box::new(GridHost))
+}

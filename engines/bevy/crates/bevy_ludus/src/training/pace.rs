@@ -11,14 +11,14 @@ pub(crate) struct Pace {
 }
 
 impl Pace {
-    /// Starts with steps that take so long.
+    /// Begins with steps of this length.
     pub fn new(step: Duration) -> Self {
         let due = Instant::now();
         Self { step, due }
     }
 }
 
-/// Sleeps until the step that runs is over for people, too. Time that was lost is not made up for.
+/// Sleeps until the current step is over in real time. Steps that were late are not caught up.
 pub(crate) fn keep_pace(mut pace: ResMut<Pace>) {
     let now = Instant::now();
     std::thread::sleep(pace.due.saturating_duration_since(now));

@@ -93,7 +93,7 @@ impl ConnectionState {
         Ok(())
     }
 
-    /// Forgets that there was a `RESET`: the worlds must be reset anew.
+    /// Forgets that there was a `RESET`: the worlds must be reset again.
     pub fn require_reset(&mut self) {
         self.has_reset = false;
     }

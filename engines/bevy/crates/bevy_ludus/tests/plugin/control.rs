@@ -33,7 +33,10 @@ fn sets_and_states_come_in_their_order() {
         let after = RunFixedMainLoopSystems::AfterFixedMainLoop;
         app.init_resource::<Diary>()
             .add_ludus_method("read_diary", read_diary)
-            .add_systems(First, write_down("exchanged").after(schedules::Exchange))
+            .add_systems(
+                First,
+                write_down("exchanged").after(schedules::LudusSystems::Exchange),
+            )
             .add_systems(Act, write_down("act"))
             .add_systems(FixedUpdate, write_down("tick"))
             .add_systems(Judge, write_down("judge"))
@@ -43,8 +46,8 @@ fn sets_and_states_come_in_their_order() {
                 RunFixedMainLoop,
                 write_down("observed")
                     .in_set(after)
-                    .after(schedules::Observe)
-                    .before(schedules::Reset),
+                    .after(schedules::LudusSystems::Observe)
+                    .before(schedules::LudusSystems::Reset),
             )
             .add_systems(OnEnter(ControlState::Running), write_down("Running"))
             .add_systems(

@@ -7,12 +7,12 @@ use bevy_ludus::prelude::*;
 use serde_json::{Value, json};
 
 /// Ticks since the episode began, its random number, the last choice, the wind.
-#[derive(Observe)]
+#[derive(ObservationSpace)]
 pub struct Seen {
     pub observation: [f32; 4],
 }
 
-#[derive(Act)]
+#[derive(ActionSpace)]
 pub struct Choice {
     #[ludus(n = 4)]
     pub choice: u8,

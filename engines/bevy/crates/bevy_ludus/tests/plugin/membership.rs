@@ -24,19 +24,27 @@ fn agents_wait_for_their_world() {
     let payload = session.trainer.receive(FrameType::Batch);
     session.batch.decode(&payload).unwrap();
     assert_eq!(session.flags(), [vec![1, 0], vec![0, 0], vec![0, 1]]);
-    assert_eq!(session.seen(0)[0], [0.0; 4], "who waits sees zeros");
+    assert_eq!(
+        session.seen(0)[0],
+        [0.0; 4],
+        "an agent that waits sees zeros"
+    );
     session.step(i64::from(END));
     assert_eq!(
         session.flags(),
         [vec![0, 1], vec![0, 0], vec![1, 1]],
         "both begin together"
     );
-    assert_eq!(session.rewards()[0], 0.0, "who waited has no reward");
+    assert_eq!(
+        session.rewards()[0],
+        0.0,
+        "an agent that waited has no reward"
+    );
     assert_eq!(session.trainer.close(), AppExit::Success);
 }
 
 #[test]
-fn who_leaves_is_reported_once_and_the_world_comes_back() {
+fn an_agent_that_leaves_is_reported_once_and_its_world_is_rebuilt() {
     let mut session = Game::default().open(&worlds(2));
     session.reset(&seeds(0, 2), Value::Null);
     session.actions.discrete_mut(0)[1] = i64::from(LEAVE).to_le_bytes();
@@ -55,7 +63,7 @@ fn who_leaves_is_reported_once_and_the_world_comes_back() {
     assert_eq!(
         session.seen(0)[1][0],
         3.0,
-        "the world was made anew, and plays"
+        "the world was rebuilt, and plays"
     );
     assert_eq!(session.trainer.close(), AppExit::Success);
 }
@@ -74,7 +82,7 @@ fn spawn_late(
 }
 
 #[test]
-fn who_joins_takes_a_spare_slot() {
+fn an_agent_that_joins_takes_a_spare_slot() {
     let game = Game {
         policy: || Policy::new("hero").spare_slots(1),
         ..Game::default()

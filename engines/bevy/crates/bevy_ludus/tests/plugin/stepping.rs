@@ -59,7 +59,7 @@ fn the_trainer_may_choose_ticks_and_length() {
     assert_eq!(
         session.flags(),
         [vec![0], vec![1], vec![1]],
-        "cut off, and begun anew"
+        "truncated, and begun again"
     );
     assert_eq!(session.trainer.close(), AppExit::Success);
 }

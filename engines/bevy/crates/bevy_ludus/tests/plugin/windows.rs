@@ -18,13 +18,13 @@ use std::time::{Duration, Instant};
 const SIZE: u32 = 64;
 const DEADLINE: Duration = Duration::from_secs(60);
 
-#[derive(Act)]
+#[derive(ActionSpace)]
 enum Choice {
     Stay,
     Go,
 }
 
-#[derive(Default, Observe)]
+#[derive(Default, ObservationSpace)]
 struct Place {
     x: f32,
 }

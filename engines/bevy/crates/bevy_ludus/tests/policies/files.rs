@@ -21,7 +21,7 @@ pub const NAMES: [&str; 10] = [
 ];
 
 pub fn folder() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../../protocol/golden/policies")
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/golden/policies")
 }
 
 /// Returns a golden policy.

@@ -8,12 +8,12 @@ use bevy_time::TimeUpdateStrategy;
 use serde_json::{Value, json};
 
 /// Steps of the episode so far, and 1.
-#[derive(Observe)]
+#[derive(ObservationSpace)]
 struct Seen {
     observation: [f32; 2],
 }
 
-#[derive(Act, Clone, Copy)]
+#[derive(ActionSpace, Clone, Copy)]
 struct Choice {
     #[ludus(n = 3)]
     choice: u8,

@@ -12,7 +12,7 @@ use bevy_color::Color;
 use bevy_ecs::prelude::*;
 use bevy_ludus::camera::{LudusCamera, LudusFilmCamera, Picture};
 use bevy_ludus::prelude::*;
-use bevy_ludus::rest::*;
+use bevy_ludus_rest::*;
 use serde_json::{Value, json};
 use std::net::SocketAddr;
 use std::sync::mpsc::{Sender, channel};
@@ -22,7 +22,7 @@ use std::thread::JoinHandle;
 const SEEN: [u8; 3] = [10, 20, 200];
 const FILMED: [u8; 3] = [200, 20, 10];
 
-#[derive(Act)]
+#[derive(ActionSpace)]
 enum Choice {
     Stay,
     Go,

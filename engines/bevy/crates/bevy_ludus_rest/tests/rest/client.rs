@@ -32,8 +32,9 @@ impl Client {
 
     pub fn send(&mut self, verb: &str, path: &str, body: &str) {
         let length = body.len();
-        let head =
-            format!("{verb} {path} HTTP/1.1\r\nhost: game\r\ncontent-length: {length}\r\n\r\n");
+        let head = format!(
+            "{verb} {path} HTTP/1.1\r\nhost: localhost\r\ncontent-length: {length}\r\n\r\n"
+        );
         // A server may refuse before it has read everything.
         let _ = self
             .stream

@@ -3,7 +3,7 @@
 use crate::client::{Client, step_path};
 use crate::game::{Counts, Game, Habits, make_app, run, settings};
 use bevy_app::prelude::*;
-use bevy_ludus::rest::{AIGymPlugin, AIGymSettings};
+use bevy_ludus_rest::{AIGymPlugin, AIGymSettings};
 use std::net::TcpListener;
 use std::time::{Duration, Instant};
 
@@ -32,7 +32,7 @@ fn an_app_that_exits_frees_its_port() {
 }
 
 #[test]
-fn who_waits_for_an_app_that_exits_is_told_so() {
+fn a_client_of_an_app_that_exits_gets_503() {
     let mut game = Game::start(settings(), Habits::default());
     let mut client = game.client();
     client.step(&["0", "0"]);

@@ -2,7 +2,7 @@
 
 use crate::client::header;
 use crate::game::{Game, Habits, settings};
-use bevy_ludus::rest::AIGymSettings;
+use bevy_ludus_rest::AIGymSettings;
 use serde_json::Value;
 
 const NOTHING: &str =

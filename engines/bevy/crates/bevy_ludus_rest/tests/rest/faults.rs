@@ -2,7 +2,7 @@
 
 use crate::client::{Client, step_path};
 use crate::game::{Game, Habits, settings};
-use bevy_ludus::rest::AIGymSettings;
+use bevy_ludus_rest::AIGymSettings;
 use serde_json::Value;
 use std::time::Duration;
 
@@ -29,7 +29,7 @@ fn a_client_that_goes_mid_step_wedges_nothing() {
         drop(leaver);
         let mut client = game.client();
         client.step(&["0", "0"]);
-        // The step of who left was played, once.
+        // The step of the client that left was played, once.
         assert_eq!(num_steps(&mut client), 2 * turn);
     }
 }
@@ -54,7 +54,7 @@ fn a_slow_game_is_reported_and_heard_again() {
 }
 
 #[test]
-fn who_waits_too_long_for_a_turn_is_told_so() {
+fn a_client_that_waits_too_long_for_its_turn_gets_an_error() {
     let game = Game::start(impatient(), Habits::default());
     let mut first = game.client();
     let mut second = game.client();

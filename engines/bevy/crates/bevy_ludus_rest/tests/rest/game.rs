@@ -4,7 +4,7 @@ use crate::client::Client;
 use bevy_app::prelude::*;
 use bevy_app::{PluginsState, TaskPoolPlugin};
 use bevy_ecs::prelude::*;
-use bevy_ludus::rest::*;
+use bevy_ludus_rest::*;
 use bevy_state::prelude::*;
 use bevy_time::{Time, TimePlugin};
 use serde::Serialize;
@@ -131,7 +131,12 @@ impl Drop for Game {
 }
 
 /// Updates an app until it exits; calls back after the first update.
-pub fn run(mut app: App, began: impl FnOnce(&App)) -> AppExit {
+pub fn run(app: App, began: impl FnOnce(&App)) -> AppExit {
+    run_until(app, began, || false)
+}
+
+/// Updates an app until it exits, or until it is to end.
+fn run_until(mut app: App, began: impl FnOnce(&App), is_ending: impl Fn() -> bool) -> AppExit {
     while app.plugins_state() == PluginsState::Adding {
         std::thread::yield_now();
     }
@@ -140,10 +145,48 @@ pub fn run(mut app: App, began: impl FnOnce(&App)) -> AppExit {
     app.update();
     began(&app);
     loop {
-        if let Some(exit) = app.should_exit() {
-            return exit;
+        match app.should_exit() {
+            Some(exit) => return exit,
+            None if is_ending() => return AppExit::Success,
+            None => app.update(),
         }
-        app.update();
+    }
+}
+
+/// Any app, on a thread of its own until this is dropped.
+pub struct Running {
+    pub address: SocketAddr,
+    is_ending: Arc<AtomicBool>,
+    thread: Option<JoinHandle<AppExit>>,
+}
+
+impl Running {
+    pub fn start(fill: impl FnOnce(&mut App) + Send + 'static) -> Self {
+        let (tell, told) = channel();
+        let is_ending = Arc::new(AtomicBool::new(false));
+        let ending = Arc::clone(&is_ending);
+        let thread = std::thread::spawn(move || {
+            let mut app = App::new();
+            fill(&mut app);
+            let tell = |app: &App| {
+                let _ = tell.send(app.world().resource::<RestServer>().address());
+            };
+            run_until(app, tell, || ending.load(Ordering::Relaxed))
+        });
+        Self {
+            address: told.recv_timeout(DEADLINE).unwrap(),
+            is_ending,
+            thread: Some(thread),
+        }
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.is_ending.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
     }
 }
 

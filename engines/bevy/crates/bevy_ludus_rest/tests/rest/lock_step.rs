@@ -2,7 +2,7 @@
 
 use crate::client::Client;
 use crate::game::{Game, Habits, settings};
-use bevy_ludus::rest::AIGymSettings;
+use bevy_ludus_rest::AIGymSettings;
 use serde_json::Value;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -39,7 +39,7 @@ fn a_waiting_game_rests_and_its_clock_stands_still() {
     let began = Instant::now();
     std::thread::sleep(Duration::from_millis(500));
     let passed = game.num_updates.load(Ordering::Relaxed) - num_updates;
-    // It comes up for air ten times a second.
+    // A waiting game updates ten times a second.
     let at_most = began.elapsed().as_millis() as u64 / 100 + 3;
     assert!((1..=at_most).contains(&passed), "{passed} updates");
     assert_eq!(state(&mut client), before);
@@ -55,7 +55,7 @@ fn a_step_takes_three_updates() {
         client.step(&["0", "0"]);
     }
     let passed = game.num_updates.load(Ordering::Relaxed) - before;
-    // More only if a client is so slow that the game comes up for air.
+    // More only if a client is so slow that the game updates while it waits.
     assert!((300..400).contains(&passed), "{passed} updates");
 }
 
@@ -111,7 +111,7 @@ fn an_app_may_run_inside_an_asynchronous_runtime() {
     app.update();
     let address = app
         .world()
-        .resource::<bevy_ludus::rest::RestServer>()
+        .resource::<bevy_ludus_rest::RestServer>()
         .address();
     let client = std::thread::spawn(move || Client::connect(address).step(&["7", "0"]));
     let deadline = std::time::Instant::now() + Duration::from_secs(20);

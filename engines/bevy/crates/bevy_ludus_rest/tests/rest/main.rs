@@ -1,5 +1,4 @@
 //! Environments as they are written for bevy_rl, in real apps, asked over real sockets.
-#![cfg(feature = "rest")]
 #![allow(clippy::unwrap_used)]
 
 mod both;
@@ -10,8 +9,10 @@ mod faults;
 mod game;
 mod lock_step;
 mod pixels;
+mod polling;
+mod published;
 mod refusals;
+mod strangers;
 #[cfg(feature = "camera")]
 #[allow(dead_code)]
-#[path = "../plugin/trainer.rs"]
 mod trainer;

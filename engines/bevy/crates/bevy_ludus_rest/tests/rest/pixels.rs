@@ -9,7 +9,7 @@ use bevy_camera::{Camera, Camera2d, ClearColorConfig, RenderTarget};
 use bevy_color::Color;
 use bevy_ecs::prelude::*;
 use bevy_ludus::camera::RenderingPlugins;
-use bevy_ludus::rest::*;
+use bevy_ludus_rest::*;
 use bevy_state::prelude::*;
 use std::io::{BufRead, Read};
 use std::net::SocketAddr;

@@ -1,0 +1,1 @@
+../../../bevy_ludus/tests/plugin/trainer.rs

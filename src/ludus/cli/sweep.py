@@ -1,0 +1,136 @@
+"""``ludus sweep``: look for better settings by many runs."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import tyro
+
+from ludus.cli.train import TrainCommand, parse_settings
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from ludus.tuning.sweeping import Sweep, Trial
+
+__all__ = ["COMMAND", "SweepCommand", "parse", "run"]
+
+PROGRAM = "ludus sweep"
+
+
+@dataclass(frozen=True)
+class SweepCommand(TrainCommand):
+    """Train many times, with settings that Optuna proposes, and show which are best.
+
+    All flags of ludus train hold for every trial. The first trial has the settings as they are.
+    A trial that is worse than the others were at the same share of its steps ends early. A sweep
+    that was stopped or killed goes on with --resume; it leaves best.toml for ludus train --config,
+    and a picture.
+
+    Attributes:
+        set: A setting to vary: --set ppo.learning_rate=log:1e-5:1e-2, --set ppo.epochs=1:8 or
+            --set ppo.activation=tanh,relu; may be given several times.
+        trials: Trials in all.
+        objective: "return" looks for the highest mean return at the end, "steps" for the fewest
+            agent steps until target_return; none is steps where there is a target_return.
+        resume: Folder of a sweep to go on with.
+        json: Print the sweep as one JSON object on stdout.
+    """
+
+    varied: Annotated[
+        tyro.conf.UseAppendAction[tuple[str, ...]],
+        tyro.conf.arg(name="set", metavar="NAME=VALUES"),
+    ] = ()
+    trials: int = 30
+    objective: Literal["return", "steps"] | None = None
+    explain: tyro.conf.Suppress[bool] = False
+
+
+COMMAND = SweepCommand
+
+
+def parse(arguments: Sequence[str]) -> SweepCommand:
+    """Return what was typed, and all layers of settings below it."""
+    from ludus.runs.run_folder import stack_layers
+
+    command, typed = parse_settings(arguments, SweepCommand, PROGRAM)
+    return replace(command, layers=stack_layers(typed, config=command.config))
+
+
+def run(command: SweepCommand) -> int:
+    """Run the trials and show them; return 0, or 128 plus the signal that stopped it."""
+    from rich.console import Console
+
+    from ludus.tuning.sweeping import SweepConfig, run_sweep
+
+    space = dict(_split(text) for text in command.varied)
+    config = None
+    if command.resume is None:
+        config = SweepConfig(space, command.layers, command.objective)
+    sweep = run_sweep(config, command.trials, resume=command.resume, on_trial=_tell)
+    if command.json:
+        trials = [{**vars(trial), "path": str(trial.path)} for trial in sweep.trials]
+        values = {"sweep": str(sweep.path), "objective": sweep.objective, "trials": trials}
+        sys.stdout.write(json.dumps(values) + "\n")
+    else:
+        Console().print(_table(sweep))
+        sys.stdout.write(f"sweep: {sweep.path}\n")
+    if sweep.signum is None:
+        return 0
+    again = f"{PROGRAM} --resume {shlex.quote(str(sweep.path))} --trials {command.trials}"
+    sys.stderr.write(f"stopped; go on with: {again}\n")
+    return 128 + sweep.signum
+
+
+def _split(text: str) -> tuple[str, str]:
+    from ludus.errors import ConfigError
+    from ludus.tuning.space import FORMS
+
+    name, equals, values = text.partition("=")
+    if not equals or not name:
+        raise ConfigError(f"--set {text} cannot be read", f"write {FORMS}")
+    return name.replace("-", "_"), values
+
+
+def _tell(trial: Trial) -> None:
+    values = ", ".join(f"{name} {_figure(value)}" for name, value in trial.values.items())
+    score = "failed" if trial.score is None else _figure(trial.score)
+    sys.stderr.write(f"trial {trial.number}: {score} ({trial.state}), {values}\n")
+    sys.stderr.flush()
+
+
+def _table(sweep: Sweep) -> Table:
+    """Return a table of all trials, the best first."""
+    from rich.table import Table
+
+    heading = {"return": "mean return", "steps": "agent steps"}[sweep.objective]
+    best = sweep.best
+    names = list(dict.fromkeys(name for trial in sweep.trials for name in trial.values))
+    table = Table(title=f"{len(sweep.trials)} trials", title_justify="left")
+    for column in ("trial", heading, "", *names):
+        table.add_column(column, justify="left" if column in names else "right")
+    down = sweep.objective == "return"
+    ranked = sorted(sweep.trials, key=lambda trial: _rank(trial, down=down))
+    for trial in ranked:
+        number = f"{trial.number} (as set)" if trial.number == 0 else str(trial.number)
+        cells = [_figure(trial.values.get(name)) for name in names]
+        score = "" if trial.score is None or trial.reached is False else _figure(trial.score)
+        note = "not reached" if trial.reached is False else trial.state
+        note = "" if note == "complete" else note
+        style = "bold" if best is not None and trial.number == best.number else None
+        table.add_row(number, score, note, *cells, style=style)
+    return table
+
+
+def _rank(trial: Trial, *, down: bool) -> tuple[bool, float]:
+    score = trial.score
+    return score is None, 0.0 if score is None else -score if down else score
+
+
+def _figure(value: Any) -> str:
+    return f"{value:,.4g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,264 @@
+"""Show a run while it goes on: a live view on terminals and in notebooks, else plain lines."""
+
+from __future__ import annotations
+
+import io
+import sys
+import time
+from collections import deque
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TextIO
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from ludus.play.evaluation import Evaluation
+from ludus.runs.run_list import StopReason
+from ludus.settings.policy_config import Mode
+from ludus.settings.train_config import TrainConfig
+from ludus.training.figures import CURVE_WIDTH, clock, sparkline
+from ludus.training.progress import Progress, RunResult, SilentReporter
+
+__all__ = ["TerminalReporter", "evaluation_table", "reporter_for", "reporter_for_script"]
+
+REFRESH_S, LINE_EVERY_S = 0.25, 2.0
+NOTEBOOK_WIDTH = 100
+"""Characters."""
+ENDINGS: dict[StopReason, str] = {
+    "total_steps": "ended at total_steps",
+    "max_time": "ended at max_time_s",
+    "target_return": "ended at target_return",
+    "stopped": "stopped on request",
+    "interrupted": "interrupted",
+}
+
+
+class TerminalReporter:
+    """A :class:`~ludus.training.progress.Reporter` that writes to a terminal or a plain stream."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._live: Live | None = None
+        self._shown_at_s = 0.0
+        self._curves: dict[str, Curve] = {}
+        self._max_time_s: float | None = None
+
+    def started(self, config: TrainConfig, run: Path) -> None:
+        """Say what is trained, and where it goes."""
+        self._max_time_s = config.max_time_s
+        self._console.print(f"training [bold]{config.target}[/] into {run}", highlight=False)
+        if self._console.is_terminal:
+            self._live = Live(console=self._console, auto_refresh=False, transient=True)
+            self._live.start()
+
+    def updated(self, progress: Progress) -> None:
+        """Show progress, a few times per second at most."""
+        self._note_returns(progress)
+        now = time.monotonic()
+        if now - self._shown_at_s < (REFRESH_S if self._live else LINE_EVERY_S):
+            return
+        self._shown_at_s = now
+        if self._live:
+            self._live.update(self._picture(progress), refresh=True)
+        else:
+            line = progress_line(progress, self._share(progress))
+            self._console.print(line, highlight=False, soft_wrap=True)
+
+    def evaluating(self, episodes: int) -> None:
+        """Say that the evaluation begins."""
+        self.stop()
+        self._console.print(f"evaluating over {episodes} episodes", highlight=False)
+
+    def finished(self, result: RunResult) -> None:
+        """Show how the run ended."""
+        self.stop()
+        if result.signum is None:
+            self._console.print(summary_table(result))
+        self._console.print(f"run folder: {result.path}", highlight=False, soft_wrap=True)
+
+    def stop(self) -> None:
+        """End the live view."""
+        if self._live:
+            self._live.stop()
+            self._live = None
+
+    def _note_returns(self, progress: Progress) -> None:
+        for name, metrics in progress.policies.items():
+            if "mean_return" in metrics:
+                self._curves.setdefault(name, Curve()).add(metrics["mean_return"])
+
+    def _picture(self, progress: Progress) -> Group:
+        share = self._share(progress)
+        table = Table.grid(padding=(0, 2))
+        table.add_row(ProgressBar(1.0, share, width=CURVE_WIDTH), progress_head(progress, share))
+        for name, metrics in progress.policies.items():
+            curve = self._curves.get(name, Curve())
+            text = policy_text(name, metrics, progress.modes.get(name, "train"))
+            table.add_row(Text(sparkline(curve.points), style="cyan"), text)
+        return Group(table)
+
+    def _share(self, progress: Progress) -> float:
+        """Return how much of the run is done, by the limit that it is nearer to."""
+        by_steps = progress.agent_steps / progress.total_steps
+        by_time = progress.wall_s / self._max_time_s if self._max_time_s else 0.0
+        return min(1.0, max(by_steps, by_time))
+
+
+class NotebookReporter(TerminalReporter):
+    """Shows a run in one output of a notebook cell, which is drawn again and again."""
+
+    def __init__(self) -> None:
+        # Rich's own view needs ipywidgets; a plain text that is replaced needs nothing.
+        super().__init__(Console(file=io.StringIO(), width=NOTEBOOK_WIDTH))
+        self._started = ""
+        self._display: Any = None
+
+    def started(self, config: TrainConfig, run: Path) -> None:
+        """Say what is trained, and where it goes."""
+        import IPython.display
+
+        self._max_time_s = config.max_time_s
+        self._started = f"training {config.target} into {run}\n"
+        module: Any = IPython.display
+        self._display = module.display({"text/plain": self._started}, raw=True, display_id=True)
+
+    def updated(self, progress: Progress) -> None:
+        """Show progress, a few times per second at most."""
+        self._note_returns(progress)
+        now = time.monotonic()
+        if now - self._shown_at_s >= REFRESH_S:
+            self._shown_at_s = now
+            self._show(self._picture(progress))
+
+    def evaluating(self, episodes: int) -> None:
+        """Say that the evaluation begins."""
+        self._show(Text(f"evaluating over {episodes} episodes"))
+
+    def finished(self, result: RunResult) -> None:
+        """Show how the run ended."""
+        self._show(summary_table(result))
+
+    def _show(self, content: RenderableType) -> None:
+        with self._console.capture() as text:
+            self._console.print(content)
+        self._display.update({"text/plain": self._started + text.get()}, raw=True)
+
+
+class Curve:
+    """The whole history of a number in at most ``2 * CURVE_WIDTH`` points."""
+
+    def __init__(self) -> None:
+        self.points: list[float] = []
+        self._stride = 1
+        self._pending: deque[float] = deque()
+
+    def add(self, value: float) -> None:
+        """Add a value; neighbours are averaged as the history grows."""
+        self._pending.append(value)
+        if len(self._pending) < self._stride:
+            return
+        self.points.append(sum(self._pending) / len(self._pending))
+        self._pending.clear()
+        if len(self.points) >= 2 * CURVE_WIDTH:
+            pairs = zip(self.points[::2], self.points[1::2], strict=True)
+            self.points = [(first + second) / 2 for first, second in pairs]
+            self._stride *= 2
+
+
+def progress_head(progress: Progress, share: float) -> str:
+    """Return share done, steps, speed and time of the whole run."""
+    text = (
+        f"{share:4.0%}  {progress.agent_steps:,} steps  {progress.steps_per_s:,.0f} steps/s  "
+        f"{clock(progress.wall_s)} elapsed, up to {clock(progress.time_left_s)} left"
+    )
+    return text + (f"  {progress.restarts} restarts" if progress.restarts else "")
+
+
+def policy_text(name: str, metrics: Mapping[str, float], mode: Mode) -> str:
+    """Return the figures of one policy, and its mode unless that is ``train``."""
+    heading = name if mode == "train" else f"{name} ({mode})"
+    if "mean_return" not in metrics:
+        return f"{heading}: no episode has ended yet"
+    text = (
+        f"{heading}: mean return {metrics['mean_return']:.4g} "
+        f"({metrics['min_return']:.4g} to {metrics['max_return']:.4g})"
+    )
+    return text + (f", elo {metrics['elo']:.0f}" if "elo" in metrics else "")
+
+
+def progress_line(progress: Progress, share: float) -> str:
+    """Return everything in one line, for streams other than terminals."""
+    policies = (
+        policy_text(name, metrics, progress.modes.get(name, "train"))
+        for name, metrics in progress.policies.items()
+    )
+    return "  ".join([progress_head(progress, share), *policies])
+
+
+def summary_table(result: RunResult) -> Table:
+    """Return a table of the evaluation, or of the last episodes if there was none."""
+    steps = f"{result.agent_steps:,} agent steps in {clock(result.wall_s)}"
+    table = evaluation_table(result.evaluation, f"{steps} ({ENDINGS[result.stop_reason]})")
+    if not result.evaluation:
+        for name, mean in result.mean_return.items():
+            table.add_row(name, "training", f"{mean:.4g}", "", "", "", "")
+    return table
+
+
+def evaluation_table(
+    evaluation: Mapping[str, Evaluation], title: str, goal_return: float | None = None
+) -> Table:
+    """Return a table with a row per policy; with the share that reached ``goal_return``, if any."""
+    table = Table(title=title, title_justify="left")
+    for heading in ("policy", "episodes", "mean return", "± std", "min", "max", "length"):
+        table.add_column(heading, justify="left" if heading == "policy" else "right")
+    if goal_return is not None:
+        table.add_column(f"≥ {goal_return:g}", justify="right")
+    for name, of in evaluation.items():
+        figures = (of.mean_return, of.std_return, of.min_return, of.max_return, of.mean_length)
+        cells = [name, str(of.num_episodes), *(f"{figure:.4g}" for figure in figures)]
+        if goal_return is not None:
+            cells.append(f"{of.share_reaching(goal_return):.1%}")
+        table.add_row(*cells)
+    return table
+
+
+@contextmanager
+def reporter_for(stream: TextIO) -> Generator[TerminalReporter, None, None]:
+    """Give a reporter on ``stream``; its live view ends with the context, whatever happens."""
+    reporter = TerminalReporter(Console(file=stream))  # rich honours NO_COLOR
+    try:
+        yield reporter
+    finally:
+        reporter.stop()
+
+
+@contextmanager
+def reporter_for_script(
+    progress: bool | None,
+) -> Generator[TerminalReporter | SilentReporter, None, None]:
+    """Give the reporter of a script.
+
+    Args:
+        progress: Whether to show something; None shows it in notebooks and on terminals.
+    """
+    in_notebook = _is_notebook()
+    if not (in_notebook or sys.stderr.isatty() if progress is None else progress):
+        yield SilentReporter()
+    elif in_notebook:
+        yield NotebookReporter()
+    else:
+        with reporter_for(sys.stderr) as reporter:
+            yield reporter
+
+
+def _is_notebook() -> bool:
+    """Return whether a kernel with a front end runs this process."""
+    ipython: Any = sys.modules.get("IPython")
+    shell = None if ipython is None else ipython.get_ipython()
+    return shell is not None and hasattr(shell, "kernel")

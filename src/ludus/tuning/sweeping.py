@@ -1,0 +1,389 @@
+"""``ludus sweep``: look for settings with which a game is learned better, or in fewer steps.
+
+::
+
+    runs/sweep-<target>-<date>/
+        sweep.json          what is varied, and the settings of all trials
+        study.db            Optuna's study
+        trials/trial-000/   the run of each trial
+        best.toml           the best settings, for ``ludus train --config``
+        sweep.png           scores by trial and by setting
+
+The first trial has the settings as they are, to compare with. A sweep that was killed goes on: the
+trial that was under way is resumed from its checkpoint.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import time
+from collections.abc import Callable, Generator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ludus.disk import disk_errors, write_atomically
+from ludus.errors import ConfigError, DivergenceError, RunError, SetupError
+from ludus.locks import LockHeld, file_lock
+from ludus.runs.run_folder import RunFolder
+from ludus.settings.merging import Layer, merge
+from ludus.settings.plain import plain_settings, to_plain
+from ludus.settings.train_config import TrainConfig
+from ludus.training.hooks import Hooks, Training
+from ludus.training.loop import train
+from ludus.training.progress import RunResult
+from ludus.tuning.picture import draw_sweep
+from ludus.tuning.space import Range, nest, read_space
+
+__all__ = ["Objective", "Sweep", "SweepConfig", "Trial", "run_sweep"]
+
+Objective = Literal["return", "steps"]
+"""``return``: the highest mean return at the end; ``steps``: the fewest agent steps until every
+policy's mean return reaches ``target_return``."""
+
+REPORTS = 20
+"""Shares of a run after which a trial is compared with others, and ended if it is worse."""
+LOCK_TIMEOUT_S = 1.0
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class SweepConfig:
+    """What a sweep varies, and what it looks for.
+
+    Attributes:
+        space: What is varied: dotted name of a setting to ``LOW:HIGH``, ``log:LOW:HIGH`` or
+            ``A,B,C``.
+        layers: Settings of all trials.
+        objective: What is better; None: ``steps`` where the settings have a ``target_return``.
+    """
+
+    space: Mapping[str, str]
+    layers: tuple[Layer, ...]
+    objective: Objective | None = None
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One run of a sweep.
+
+    Attributes:
+        number: From 0; 0 has the settings as they are.
+        values: What was varied, by dotted name.
+        state: ``complete``, ``pruned`` (ended early, as it was worse than others) or ``failed``.
+        score: Mean return or agent steps; None if it failed.
+        reached: Whether every policy reached ``target_return``; None without one.
+        path: Folder of the run.
+    """
+
+    number: int
+    values: Mapping[str, Any]
+    state: Literal["complete", "pruned", "failed"]
+    score: float | None
+    reached: bool | None
+    path: Path
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sweep and its trials.
+
+    Attributes:
+        path: Its folder.
+        objective: What is better.
+        trials: In the order they began, without those that did not end.
+        signum: Signal that interrupted it; None if none did.
+    """
+
+    path: Path
+    objective: Objective
+    trials: tuple[Trial, ...]
+    signum: int | None = None
+
+    @property
+    def best(self) -> Trial | None:
+        """The best trial that was complete; None before the first one."""
+        complete = [trial for trial in self.trials if trial.state == "complete"]
+        sign = 1.0 if self.objective == "steps" else -1.0
+        return min(complete, key=lambda trial: sign * (trial.score or 0.0), default=None)
+
+
+OnTrial = Callable[[Trial], None]
+
+
+@dataclass
+class _Watch:
+    """Reports a run to Optuna, and stops it where it is worse than the others were."""
+
+    trial: Any
+    total_steps: int
+    sign: float
+    is_pruned: bool = False
+    _reported: int = field(default=0)
+
+    def on_update(self, training: Training) -> None:
+        progress = training.progress
+        assert progress is not None
+        returns = [own.get("mean_return") for own in progress.policies.values()]
+        part = int(progress.agent_steps / self.total_steps * REPORTS)
+        if None in returns or part <= self._reported:
+            return
+        self._reported = part
+        self.trial.report(self.sign * float(np.mean([value or 0.0 for value in returns])), part)
+        if self.trial.should_prune():
+            self.is_pruned = True
+            training.stop()
+
+
+def run_sweep(
+    config: SweepConfig | None,
+    trials: int,
+    *,
+    resume: Path | None = None,
+    on_trial: OnTrial | None = None,
+) -> Sweep:
+    """Run trials until there are ``trials`` of them, and leave the best settings and a picture.
+
+    Args:
+        config: What is varied; None with ``resume``.
+        trials: How many in all, those of a resumed sweep included.
+        resume: Folder of a sweep to go on with.
+        on_trial: Called after each trial.
+
+    Raises:
+        SetupError: Optuna is missing.
+        ConfigError: Settings do not fit.
+        RunError: Another process runs this sweep, or a file cannot be written.
+        EngineError: An engine failed for good; ``resume`` goes on.
+    """
+    if trials < 1:
+        raise ConfigError(f"trials must be at least 1, not {trials}")
+    optuna = _optuna()
+    folder, config = _open_folder(config, resume)
+    with _locked(folder):
+        return _Runner(optuna, folder, config).run(trials, on_trial)
+
+
+class _Runner:
+    def __init__(self, optuna: Any, folder: Path, config: SweepConfig) -> None:
+        self._optuna = optuna
+        self._folder = folder
+        self._space = read_space(config.space)
+        self._layers = config.layers
+        self._base = merge(config.layers)
+        self._objective: Objective = _objective(config.objective, self._base)
+        self._seed = self._base.seed or 0
+        is_steps = self._objective == "steps"
+        self._sign = -1.0 if is_steps else 1.0
+        self._study: Any = optuna.create_study(
+            study_name="ludus",
+            storage=f"sqlite:///{folder / 'study.db'}",
+            load_if_exists=True,
+            direction="minimize" if is_steps else "maximize",
+            sampler=optuna.samplers.TPESampler(seed=self._seed),
+            pruner=optuna.pruners.MedianPruner(n_startup_trials=5, n_warmup_steps=REPORTS // 4),
+        )
+
+    def run(self, trials: int, on_trial: OnTrial | None) -> Sweep:
+        self._take_up()
+        signum = None
+        while signum is None and len(self._trials()) < trials:
+            signum = self._run_trial(on_trial)
+        sweep = Sweep(self._folder, self._objective, tuple(self._trials()), signum)
+        if sweep.best is not None:
+            _write_best(self._folder / "best.toml", sweep.best.values)
+            draw_sweep(self._folder / "sweep.png", sweep, self._space)
+        return sweep
+
+    def _take_up(self) -> None:
+        """Ask for the settings as they are first, and again for trials that were cut off."""
+        if not self._study.trials:
+            plain = _by_name(to_plain(self._base))
+            current = {name: plain.get(name) for name in self._space}
+            if all(domain.holds(current[name]) for name, domain in self._space.items()):
+                self._study.enqueue_trial(self._as_params(current))
+        # Another order of draws than before the interruption would repeat proposals.
+        self._study.sampler.reseed_rng()
+        for trial in self._study.get_trials(states=(self._optuna.trial.TrialState.RUNNING,)):
+            self._study.tell(trial.number, state=self._optuna.trial.TrialState.FAIL)
+            self._study.set_user_attr(f"again-{trial.number}", True)
+            run = trial.user_attrs.get("run")
+            self._study.enqueue_trial(trial.params, user_attrs={"run": run} if run else None)
+
+    def _as_params(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return values as Optuna knows them."""
+        return {
+            name: value if isinstance(self._space[name], Range) else json.dumps(value)
+            for name, value in values.items()
+        }
+
+    def _run_trial(self, on_trial: OnTrial | None) -> int | None:
+        """Run one trial; return the signal that interrupted it, if any."""
+        trial: Any = self._study.ask()
+        values = {name: domain.suggest(trial, name) for name, domain in self._space.items()}
+        run = trial.user_attrs.get("run") or f"trial-{trial.number:03}"
+        trial.set_user_attr("run", run)
+        watch = _Watch(trial, self._base.total_steps, self._sign)
+        try:
+            result = self._train(trial.number, run, values, watch)
+        except DivergenceError as error:
+            log.warning("trial %d: %s", trial.number, error.message)
+            self._study.tell(trial, state=self._optuna.trial.TrialState.FAIL)
+            result = None
+        if result is not None and result.signum is not None:
+            return result.signum  # the trial goes on when the sweep is resumed
+        if result is not None:
+            score, reached = self._score(result)
+            trial.set_user_attr("score", score)
+            trial.set_user_attr("reached", reached)
+            if watch.is_pruned:
+                self._study.tell(trial, state=self._optuna.trial.TrialState.PRUNED)
+            else:
+                self._study.tell(trial, score)
+        if on_trial is not None:
+            on_trial(self._trials()[-1])
+        return None
+
+    def _train(self, number: int, run: str, values: Mapping[str, Any], watch: _Watch) -> RunResult:
+        own = Layer(f"trial {number}", nest(values))
+        place: dict[str, Any] = {"runs": str(self._folder / "trials"), "name": run}
+        seed = self._seed + int(run.removeprefix("trial-"))
+        place |= {"seed": seed, "evaluation_episodes": 0}
+        path = self._folder / "trials" / run
+        has_begun = path.is_dir() and bool(RunFolder(path).checkpoints().paths())
+        return train(
+            (*self._layers, own, Layer("sweep", place)),
+            resume=path if has_begun else None,
+            hooks=Hooks(on_update=watch.on_update),
+        )
+
+    def _score(self, result: RunResult) -> tuple[float, bool | None]:
+        """Return the score of a run, and whether it reached the target return."""
+        mean = float(np.mean(list(result.mean_return.values()))) if result.mean_return else -np.inf
+        target = self._base.target_return
+        reached = None if target is None else result.stop_reason == "target_return"
+        if self._objective == "return":
+            return mean, reached
+        if reached or target is None:
+            return float(result.agent_steps), reached
+        # Beyond the limit, the nearer the better, so that there is a way down to it.
+        missing = min(1.0, (target - mean) / max(abs(target), 1e-9))
+        return self._base.total_steps * (1.0 + max(0.0, missing)), reached
+
+    def _trials(self) -> list[Trial]:
+        """Return the trials that have ended."""
+        states = {"COMPLETE": "complete", "PRUNED": "pruned", "FAIL": "failed"}
+        found: list[Trial] = []
+        for trial in self._study.trials:
+            if trial.state.name not in states or f"again-{trial.number}" in self._study.user_attrs:
+                continue
+            values = {
+                name: value if isinstance(self._space[name], Range) else json.loads(value)
+                for name, value in trial.params.items()
+            }
+            found.append(
+                Trial(
+                    number=trial.number,
+                    values=values,
+                    state=states[trial.state.name],  # pyright: ignore[reportArgumentType]
+                    score=trial.user_attrs.get("score"),
+                    reached=trial.user_attrs.get("reached"),
+                    path=self._folder / "trials" / trial.user_attrs.get("run", ""),
+                )
+            )
+        return found
+
+
+def _objective(asked: Objective | None, base: TrainConfig) -> Objective:
+    if asked == "steps" and base.target_return is None:
+        raise ConfigError(
+            "the objective steps needs a target_return, whose steps are counted",
+            "set target_return, or the objective return",
+        )
+    if asked is not None:
+        return asked
+    return "return" if base.target_return is None else "steps"
+
+
+def _open_folder(config: SweepConfig | None, resume: Path | None) -> tuple[Path, SweepConfig]:
+    """Return the folder of a sweep, new or resumed, and what it varies."""
+    if resume is not None:
+        return resume, _read_config(resume)
+    assert config is not None
+    if not config.space:
+        raise ConfigError("a sweep needs settings to vary", "--set ppo.learning_rate=log:1e-5:1e-2")
+    read_space(config.space)
+    base = merge(config.layers)
+    _objective(config.objective, base)
+    named = f"sweep-{RunFolder.stem(base.target)}-{time.strftime('%Y%m%d-%H%M%S')}"
+    folder = base.runs / (base.name or named)
+    values = {
+        "space": dict(config.space),
+        "objective": config.objective,
+        "layers": [
+            {**vars(layer), "values": plain_settings(layer.values)} for layer in config.layers
+        ],
+    }
+    with disk_errors(f"the sweep {folder}"):
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            raise RunError(
+                f"the sweep {folder} exists already", f"ludus sweep --resume {folder} goes on"
+            ) from None
+        write_atomically(folder / "sweep.json", json.dumps(values, indent=2).encode() + b"\n")
+    return folder, config
+
+
+def _read_config(folder: Path) -> SweepConfig:
+    try:
+        values: Any = json.loads((folder / "sweep.json").read_bytes())
+        layers = tuple(Layer(**layer) for layer in values["layers"])
+        return SweepConfig(dict(values["space"]), layers, values["objective"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise RunError(
+            f"{folder} is no sweep that can go on: {type(error).__name__}: {error}",
+            "name a folder that ludus sweep has made",
+        ) from None
+
+
+@contextmanager
+def _locked(folder: Path) -> Generator[None, None, None]:
+    try:
+        with file_lock(folder / ".lock", LOCK_TIMEOUT_S):
+            yield
+    except LockHeld:
+        raise RunError(f"the sweep {folder} is being run by another process") from None
+
+
+def _optuna() -> Any:
+    try:
+        import optuna
+    except ImportError as error:
+        raise SetupError("optuna is not installed", "pip install optuna") from error
+    module: Any = optuna
+    module.logging.set_verbosity(module.logging.ERROR)
+    return module
+
+
+def _by_name(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return nested settings by dotted name."""
+    named: dict[str, Any] = {}
+    for name, value in values.items():
+        if isinstance(value, dict):
+            named |= _by_name(value, f"{prefix}{name}.")  # pyright: ignore[reportUnknownArgumentType]
+        else:
+            named[f"{prefix}{name}"] = value
+    return named
+
+
+def _write_best(path: Path, values: Mapping[str, Any]) -> None:
+    """Write settings as TOML, which JSON's values are, too, but for null."""
+    lines = [f"{name} = {json.dumps(value)}" for name, value in values.items() if value is not None]
+    with disk_errors(str(path)):
+        write_atomically(path, ("\n".join(lines) + "\n").encode())

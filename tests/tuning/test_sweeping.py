@@ -1,0 +1,149 @@
+"""Whole sweeps: what they leave, how they go on after a kill, and how they fail."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import ludus
+from ludus.cli.main import main
+from ludus.errors import ConfigError, RunError, SetupError
+
+TARGET = "gym:CartPole-v1"
+SMALL: dict[str, Any] = {
+    "num_worlds": 4, "num_engines": 1, "total_steps": 512, "seed": 5, "name": "sweep",
+    "ppo": {"rollout_steps": 16, "hidden_sizes": [8]},
+}  # fmt: skip
+SPACE = {"ppo.learning_rate": "log:1e-4:1e-1", "ppo.activation": "tanh,relu"}
+
+
+@pytest.mark.libraries
+def test_a_sweep_leaves_the_best_settings_and_a_picture(tmp_path: Path) -> None:
+    seen: list[int] = []
+    sweep = ludus.sweep(
+        TARGET, SPACE, trials=4, runs=tmp_path, on_trial=lambda trial: seen.append(trial.number),
+        **SMALL,
+    )  # fmt: skip
+    assert seen == [0, 1, 2, 3]
+    assert sweep.trials[0].values == {"ppo.learning_rate": 1e-3, "ppo.activation": "tanh"}
+    assert len({str(trial.values) for trial in sweep.trials}) == 4
+    best = sweep.best
+    assert best is not None
+    assert best.score == max(
+        trial.score for trial in sweep.trials if trial.score and trial.state == "complete"
+    )
+    written = tomllib.loads((sweep.path / "best.toml").read_text())
+    assert written["ppo"] == {name.partition(".")[2]: value for name, value in best.values.items()}
+    assert (sweep.path / "sweep.png").read_bytes().startswith(b"\x89PNG")
+    config = json.loads((best.path / "config.json").read_bytes())
+    assert config["ppo"]["learning_rate"] == best.values["ppo.learning_rate"]
+    assert config["origins"]["ppo.learning_rate"] == f"trial {best.number}"
+    run = ludus.train(
+        TARGET, config=sweep.path / "best.toml", runs=tmp_path, **SMALL | {"name": "b"}
+    )
+    assert run.agent_steps == 512
+
+
+@pytest.mark.libraries
+def test_a_target_return_counts_steps(tmp_path: Path) -> None:
+    sweep = ludus.sweep(
+        TARGET, SPACE, trials=2, runs=tmp_path, target_return=12.0, return_window=3, **SMALL
+    )
+    assert sweep.objective == "steps"
+    reached = sweep.trials[0]
+    assert reached.reached
+    assert reached.score == json.loads((reached.path / "result.json").read_bytes())["agent_steps"]
+    hard = ludus.sweep(
+        TARGET, SPACE, trials=1, runs=tmp_path, target_return=400.0, **SMALL | {"name": "hard"}
+    )
+    (missed,) = hard.trials
+    assert missed.reached is False
+    assert missed.score is not None
+    assert 512 < missed.score <= 1024
+
+
+@pytest.mark.libraries
+def test_a_killed_sweep_goes_on_with_the_trial_that_was_cut_off(tmp_path: Path) -> None:
+    folder = tmp_path / "sweep"
+    command = [
+        sys.executable, "-m", "ludus", "sweep", TARGET, "--set", "ppo.learning_rate=log:1e-4:1e-1",
+        "--trials", "9", "--total-steps", "20000", "--num-worlds", "4", "--num-engines", "1",
+        "--checkpoint-every-s", "none", "--checkpoint-every-updates", "1",
+        "--runs", str(tmp_path), "--name", "sweep",
+    ]  # fmt: skip
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
+        cut_off = folder / "trials" / "trial-001" / "checkpoints"
+        deadline = time.monotonic() + 120
+        while not len(list(cut_off.glob("step-*"))) > 1:
+            assert process.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        os.kill(process.pid, signal.SIGKILL)
+    saved = max(int(path.name[5:]) for path in cut_off.glob("step-*"))
+    assert saved > 0
+    sweep = ludus.sweep(resume=folder, trials=2)
+    assert [trial.path.name for trial in sweep.trials] == ["trial-000", "trial-001"]
+    log = (folder / "trials" / "trial-001" / "train.log").read_text()
+    assert "resumed from" in log or saved >= 20000
+    steps = [line["agent_steps"] for line in ludus_metrics(sweep.trials[1].path)]
+    assert steps == sorted(set(steps))
+    assert steps[-1] >= 20000
+
+
+def ludus_metrics(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in (path / "metrics.jsonl").read_text().splitlines()]
+
+
+@pytest.mark.libraries
+def test_the_command_prints_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code = main([
+        "sweep", TARGET, "--trials", "2", "--set", "ppo.epochs=1:4", "--set", "ppo.discount=0.9,0.99",
+        "--total-steps", "256", "--num-worlds", "2", "--num-engines", "1", "--runs", str(tmp_path),
+    ])  # fmt: skip
+    printed = capsys.readouterr()
+    assert code == 0, printed.err
+    assert "0 (as set)" in printed.out
+    assert "trial 1: " in printed.err
+    (folder,) = tmp_path.glob("sweep-CartPole-v1-*")
+    assert f"sweep: {folder}" in printed.out.replace("\n", "")
+
+
+@pytest.mark.libraries
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"space": {}}, "a sweep needs settings to vary"),
+        ({"trials": 0}, "trials must be at least 1, not 0"),
+        ({"objective": "steps"}, "the objective steps needs a target_return"),
+        ({"total_steps": 0}, "total_steps must be at least 1"),
+    ],
+    ids=str,
+)
+def test_a_mistake_leaves_nothing(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+    given = {"space": SPACE, "trials": 1, "runs": tmp_path, **SMALL, **changes}
+    with pytest.raises(ConfigError, match=message):
+        ludus.sweep(TARGET, **given)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.libraries
+def test_what_is_no_sweep_cannot_be_resumed(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="is no sweep that can go on"):
+        ludus.sweep(resume=tmp_path)
+
+
+def test_without_optuna_the_package_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "optuna", None)
+    with pytest.raises(SetupError, match=r"optuna is not installed\nhint: pip install optuna"):
+        ludus.sweep(TARGET, SPACE, runs=tmp_path, **SMALL)
