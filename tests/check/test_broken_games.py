@@ -23,7 +23,7 @@ Check = Callable[[CheckContext], Iterable[Finding]]
 CASES: list[tuple[str, Check, Status, str]] = [
     ("global_random", check_seeds, Status.FAIL, "the same seed twice"),
     ("own_random", check_seeds, Status.FAIL, "the same seed twice"),
-    ("same_start", check_seeds, Status.WARN, "other seeds"),
+    ("same_start", check_seeds, Status.WARN, "different seeds"),
     ("meddling", check_seeds, Status.FAIL, "world i of 3 equals"),
     ("process_id", check_determinism, Status.FAIL, "two processes"),
     ("clock", check_timing, Status.FAIL, "the first action acts on what reset returned"),
