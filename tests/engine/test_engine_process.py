@@ -174,8 +174,8 @@ def test_once_it_has_ended_the_last_line_is_there() -> None:
 
 
 def test_chatty_process_never_blocks() -> None:
-    lines = output_of("for i in range(200000): print('line', i)", num_last_lines=50)
-    assert lines == [f"line {i}" for i in range(199950, 200000)]
+    lines = output_of("for i in range(50000): print('line', i)", num_last_lines=50)
+    assert lines == [f"line {i}" for i in range(49950, 50000)]
 
 
 @pytest.mark.parametrize(

@@ -164,7 +164,8 @@ def alter_memory(policy: Policy) -> None:
         policy.memory.bias_hh.add_(0.01)
 
 
-def test_every_part_is_compared(tmp_path: Path) -> None:
+def test_every_part_is_compared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ludus.export.inputs.MEMORY_STEPS", 3)
     policy = make_policy(MIXED, PPOConfig(memory_size=4))
     model, files = written(policy, tmp_path)
     require_parity(measure_parity(policy, model, files, None, {}))
