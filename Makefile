@@ -2,6 +2,7 @@
 # make demo        train the bundled CartPole in real Godot physics and evaluate it
 # make test        the Python, Godot 4 and Godot 3 tests, against the real engines
 # make test-fast   the tests that start no engine, in about a minute
+# make test-libraries  SB3, PettingZoo, RLlib, TorchRL and three versions of Gymnasium, each in real Godot
 # make test-bevy   everything in Rust, and the Python tests with Bevy games; needs Cargo
 # make lint        formatters, linters and the type checker of every language
 # make docs        the documentation site, in build/docs; make docs-serve shows it in a browser
@@ -34,7 +35,7 @@ ifneq ($(RUSTUP),)
 export RUSTUP_HOME ?= $(RUSTUP)
 endif
 
-.PHONY: setup demo test test-fast test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples bench clean
+.PHONY: setup demo test test-libraries test-fast test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples bench clean
 .DELETE_ON_ERROR:
 
 setup: .venv/.ready
@@ -93,12 +94,37 @@ PYTEST_PARALLEL = $(BIN)/pytest --numprocesses=2 --dist=loadfile --no-loadscope-
 test: renderers
 	@failed=0; set -x; \
 	$(BIN)/pytest -m 'alone and not bevy' || failed=1; \
-	$(PYTEST_PARALLEL) -m 'not alone and not bevy' || failed=1; \
+	$(PYTEST_PARALLEL) -m 'not alone and not bevy and not libraries' || failed=1; \
 	exit $$failed
 
 # Of the examples that Hypothesis draws, the inner loop tries a fifth.
 test-fast: .venv/.ready
-	$(PYTEST_PARALLEL) --hypothesis-profile=fast -m 'not engine and not screen and not slow'
+	$(PYTEST_PARALLEL) --hypothesis-profile=fast -m 'not engine and not screen and not slow and not libraries'
+
+# Environments of their own, as their packages pin each other. uv links files from its cache, PyTorch included.
+LIBRARIES := .venv/libraries
+GYMNASIUM_VERSIONS := 1.1.1 1.2.2 1.4.0
+UV_PIP = $(UV_ENVIRONMENT) $(BIN)/uv pip install --quiet
+PYTEST_PACKAGES := 'pytest>=8' 'pytest-timeout>=2.3' 'hypothesis>=6.100' moviepy pygame
+
+$(LIBRARIES)/.ready: pyproject.toml Makefile .venv/.ready
+	@rm -rf $(LIBRARIES)
+	@for name in all $(GYMNASIUM_VERSIONS); do $(BIN)/uv venv --quiet --python $(BIN)/python $(LIBRARIES)/$$name || exit 1; done
+	$(UV_PIP) --python $(LIBRARIES)/all/bin/python $(PYTEST_PACKAGES) 'gymnasium==1.2.2' \
+		"torch==$$($(BIN)/python -c 'import importlib.metadata as m; print(m.version("torch"))')" \
+		--editable '.[export,record,sb3,pettingzoo,rllib,torchrl,sweep,track,minari]'
+	for version in $(GYMNASIUM_VERSIONS); do $(UV_PIP) --python $(LIBRARIES)/$$version/bin/python $(PYTEST_PACKAGES) \
+		"gymnasium==$$version" psutil --editable '.[engine]' || exit 1; done
+	@$(LIBRARIES)/all/bin/python -c 'import stable_baselines3, sb3_contrib, pettingzoo, ray, torchrl, optuna, wandb, minari'
+	@touch $@
+
+test-libraries: renderers $(LIBRARIES)/.ready
+	@failed=0; set -x; \
+	for version in $(GYMNASIUM_VERSIONS); do \
+		$(LIBRARIES)/$$version/bin/pytest tests/libraries/test_gymnasium.py tests/libraries/test_autoreset.py || failed=1; \
+	done; \
+	$(LIBRARIES)/all/bin/pytest -m 'libraries and not bevy' || failed=1; \
+	exit $$failed
 
 # One after the other: Cargo lets nobody else build meanwhile.
 test-bevy: cargo renderers
