@@ -49,7 +49,7 @@ def test_a_sweep_leaves_the_best_settings_and_a_picture(tmp_path: Path) -> None:
     config = json.loads((best.path / "config.json").read_bytes())
     assert config["ppo"]["learning_rate"] == best.values["ppo.learning_rate"]
     assert config["origins"]["ppo.learning_rate"] == f"trial {best.number}"
-    own = {**SMALL, "name": "best"}
+    own: dict[str, Any] = {**SMALL, "name": "best"}
     run = ludus.train(TARGET, config=sweep.path / "best.toml", runs=tmp_path, **own)
     assert run.agent_steps == 512
 
@@ -63,7 +63,7 @@ def test_a_target_return_counts_steps(tmp_path: Path) -> None:
     reached = sweep.trials[0]
     assert reached.reached
     assert reached.score == json.loads((reached.path / "result.json").read_bytes())["agent_steps"]
-    own = {**SMALL, "name": "hard"}
+    own: dict[str, Any] = {**SMALL, "name": "hard"}
     hard = ludus.sweep(TARGET, SPACE, trials=1, runs=tmp_path, target_return=400.0, **own)
     (missed,) = hard.trials
     assert missed.reached is False
@@ -107,7 +107,8 @@ def ludus_metrics(path: Path) -> list[dict[str, Any]]:
 def test_the_command_prints_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code = main([
         "sweep", TARGET, "--trials", "2", "--set", "ppo.epochs=1:4",
-        "--set", "ppo.discount=0.9,0.99", "--total-steps", "256", "--num-worlds", "2", "--num-engines", "1", "--runs", str(tmp_path),
+        "--set", "ppo.discount=0.9,0.99", "--total-steps", "256",
+        "--num-worlds", "2", "--num-engines", "1", "--runs", str(tmp_path),
     ])  # fmt: skip
     printed = capsys.readouterr()
     assert code == 0, printed.err
