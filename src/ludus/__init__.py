@@ -83,15 +83,27 @@ _HOMES = {
     "train": "ludus.api.running",
 }
 
+_LIBRARIES = {"pettingzoo", "rllib", "sb3", "wrappers"}
+"""Modules for other libraries, which need not be imported by themselves."""
+
 _moved.install()
 register_examples()
 
 
 def __getattr__(name: str) -> Any:
     """Import public names when they are first used, so that ``import ludus`` stays quick."""
+    if name in _LIBRARIES:
+        return import_module(f"ludus.{name}")
     if name not in _HOMES:
         raise AttributeError(f"module 'ludus' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+    try:
+        return getattr(import_module(_HOMES[name]), name)
+    except ModuleNotFoundError as error:
+        from ludus.extras import EXTRAS, missing_extra
+
+        if error.name not in EXTRAS:
+            raise
+        raise missing_extra(error.name) from error
 
 
 def __dir__() -> list[str]:

@@ -11,6 +11,7 @@
     │   ├── ActionError       an action has the wrong shape, type or value
     │   └── PolicyFileError   a policy file is missing, malformed or contradicts itself
     ├── SetupError            the machine lacks something (exit code 3)
+    │   ├── MissingExtra      a package is not installed; an ImportError, too
     │   └── EngineNotFound    no usable game engine on this machine
     ├── EngineError           the engine broke a rule (exit code 4)
     │   ├── EngineStartError  the process did not start or never connected
@@ -42,6 +43,7 @@ __all__ = [
     "EngineTimeout",
     "GameError",
     "LudusError",
+    "MissingExtra",
     "ParityError",
     "PolicyFileError",
     "ProtocolError",
@@ -117,6 +119,10 @@ class SetupError(LudusError):
     """The machine lacks something that Ludus needs."""
 
     exit_code = 3
+
+
+class MissingExtra(SetupError, ImportError):  # noqa: N818 - reads as what happened
+    """A package that one feature needs is not installed; the hint installs it."""
 
 
 class EngineNotFound(SetupError):  # noqa: N818 - reads as what happened

@@ -115,7 +115,7 @@ def test_correct_frames_keep_every_rule() -> None:
         ("final observations exactly where an episode ended", {"terminated": True}),
         ("outcomes only for agents that acted", {"reward": 1.0}),
         ("inactive agents observe zeros", {"active": False}),
-        ("agents are inactive only after an end", {"active": False}),
+        ("agents become inactive only at the end of an episode", {"active": False}),
     ],
 )
 def test_every_rule_can_be_broken(title: str, changes: dict[str, float]) -> None:

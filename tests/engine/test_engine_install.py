@@ -6,54 +6,23 @@ import errno
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
+from engine_fakes import FakeInstaller, refuse, visible
 
 from ludus.engine.find import find_engine
 from ludus.engine.install import install_engine
-from ludus.engine.installing import InstallerUnavailable, Progress, Unpacked
 from ludus.engine.kinds import EngineKind
 from ludus.errors import EngineNotFound, SetupError
 
 GODOT4 = EngineKind.GODOT4
 
 
-@dataclass
-class FakeInstaller:
-    """An installer that writes a script instead of an engine."""
-
-    act: Callable[[Path], None] | None = None
-    version: str = "4.6.3.stable"
-    name: str = "fake"
-    has_rendering: bool = False
-    calls: list[Path] = field(default_factory=list[Path])
-
-    def unpack(self, folder: Path, progress: Progress) -> Unpacked:
-        self.calls.append(folder)
-        progress("unpack", None)
-        program = folder / "godot"
-        program.write_text(f"#!/bin/sh\necho '{self.version}'\n")
-        program.chmod(0o755)
-        if self.act is not None:
-            self.act(folder)
-        return Unpacked(program, program, program, self.has_rendering)
-
-
-def refuse(_folder: Path) -> None:
-    raise InstallerUnavailable("no network")
-
-
 @pytest.fixture
 def engines(tmp_path: Path, bare_machine: Path) -> Path:
     return tmp_path / "cache" / "ludus" / "engines" / "godot4"
-
-
-def visible(folder: Path) -> list[str]:
-    return sorted(entry.name for entry in folder.iterdir() if entry.name != ".install.lock")
 
 
 def test_installed_engine_is_found(engines: Path) -> None:
@@ -130,7 +99,8 @@ def test_engine_that_is_no_good_is_not_installed(engines: Path, version: str) ->
 KILLED_INSTALL = """
 import sys, time
 sys.path.insert(0, {tests!r})
-from test_engine_install import FakeInstaller, GODOT4
+from engine_fakes import FakeInstaller
+from test_engine_install import GODOT4
 from ludus.engine.install import install_engine
 
 def hang(folder):

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from engine_fakes import fake_godot
+from engine_fakes import (
+    FakeInstaller,
+    FakeTemplateInstaller,
+    fake_godot,
+    refuse,
+    visible,
+)
 
 from ludus.cli import main
 from ludus.engine.doctor import FindingStatus, doctor
 from ludus.engine.find import InstalledEngine
 from ludus.engine.install import install_engine, install_template
-from ludus.engine.installing import InstallerUnavailable, Progress, Unpacked
 from ludus.engine.kinds import EngineKind
 from ludus.engine.official import platform_key
 from ludus.engine.template import find_template, matching_template
@@ -25,32 +30,9 @@ ENGINE = InstalledEngine(
 )
 
 
-@dataclass
-class FakeTemplateInstaller:
-    """An installer that writes a script instead of a template; refuses if it has no version."""
-
-    version: str = "4.6.3.stable.official.abc"
-    name: str = "official"
-    needs_prefix: bool = False
-    calls: list[Path] = field(default_factory=list[Path])
-
-    def unpack(self, folder: Path, progress: Progress) -> Unpacked:
-        self.calls.append(folder)
-        if not self.version:
-            raise InstallerUnavailable("no network")
-        prefix = folder / "prefix"
-        program = fake_godot(prefix / "template", self.version)
-        needed = prefix if self.needs_prefix else None
-        return Unpacked(program, program, program, prefix=needed)
-
-
 @pytest.fixture
 def templates(tmp_path: Path, bare_machine: Path) -> Path:
     return tmp_path / "cache" / "ludus" / "templates" / "godot4"
-
-
-def visible(folder: Path) -> list[str]:
-    return sorted(entry.name for entry in folder.iterdir() if entry.name != ".install.lock")
 
 
 @pytest.mark.parametrize(
@@ -71,7 +53,7 @@ def test_release_is_what_templates_are_named_after(text: str, expected: str) -> 
 def test_installed_template_is_found_and_reused(templates: Path) -> None:
     installer = FakeTemplateInstaller()
     installed = install_template(ENGINE, installers=[installer])
-    assert installed.path == templates / "4.6.3.stable-official" / "prefix" / "template"
+    assert installed.path == templates / "4.6.3.stable-official" / "godot"
     assert (installed.prefix, installed.source) == (None, "cache (official)")
     assert find_template(ENGINE) == installed == install_template(ENGINE, installers=[installer])
     assert len(installer.calls) == 1
@@ -84,7 +66,7 @@ def test_template_that_runs_anywhere_goes_first(templates: Path) -> None:
     bound = install_template(
         ENGINE, installers=[FakeTemplateInstaller(name="debian", needs_prefix=True)]
     )
-    assert bound.prefix == templates / "4.6.3.stable-debian" / "prefix"
+    assert bound.prefix == templates / "4.6.3.stable-debian"
     free = install_template(ENGINE, installers=[FakeTemplateInstaller(name="official")], force=True)
     assert find_template(ENGINE) == free
     assert visible(templates) == ["4.6.3.stable-debian", "4.6.3.stable-official"]
@@ -111,7 +93,7 @@ def test_template_of_another_release_is_refused_with_its_version(templates: Path
 
 def test_installers_with_another_release_tell_which_and_leave_nothing(templates: Path) -> None:
     installers = [
-        FakeTemplateInstaller(version=""),
+        FakeTemplateInstaller(act=refuse),
         FakeTemplateInstaller(version="4.7.stable", name="debian"),
     ]
     with pytest.raises(SetupError) as caught:
@@ -174,15 +156,8 @@ def test_list_and_doctor_show_the_template(
 def test_install_command_reports_both(
     templates: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    class FakeEngineInstaller:
-        name = "fake"
-
-        def unpack(self, folder: Path, progress: Progress) -> Unpacked:
-            program = fake_godot(folder / "godot", "4.6.3.stable.fake")
-            return Unpacked(program, program, program)
-
     def engine_of(kind: EngineKind, **options: object) -> InstalledEngine:
-        return install_engine(kind, installers=[FakeEngineInstaller()])
+        return install_engine(kind, installers=[FakeInstaller(version="4.6.3.stable.fake")])
 
     def template_of(engine: InstalledEngine, **options: object) -> object:
         return install_template(engine, installers=[FakeTemplateInstaller()])

@@ -1,4 +1,4 @@
-"""The measuring itself. Bridged play and the ceiling alternate, so that both see one machine."""
+"""Measure a game; bridged play and the ceiling alternate, so that both see the same machine."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ def _play(
 
 
 def _ceiling(pool: EnginePool, num_steps: int, seed: int) -> float:
-    """Return steps per second of all engines at once, playing by themselves."""
+    """Return the mean steps per second of engines that play by themselves, all at once."""
     pool.reset(seed)
 
     def run(engine: int) -> float:

@@ -93,6 +93,6 @@ def _effect(context: CheckContext, pool: EnginePool) -> Finding:
         return ok(title, f"seen in {found.policy}.{found.what} at step {found.step}")
     return warn(
         title,
-        f"{num_steps} steps with other actions were equal to the bit",
+        f"{num_steps} steps with different actions were equal to the bit",
         "apply_action() may do nothing, or the observation does not show what it does",
     )

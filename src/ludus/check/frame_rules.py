@@ -54,7 +54,7 @@ RULES: dict[str, tuple[Rule, str]] = {
     "final observations exactly where an episode ended": (_finals_where_ended, ""),
     "outcomes only for agents that acted": (_only_where_active, ""),
     "inactive agents observe zeros": (_zeros_where_inactive, ""),
-    "agents are inactive only after an end": (
+    "agents become inactive only at the end of an episode": (
         _active_until_end,
         "an agent that leaves the scene is reported as terminated",
     ),

@@ -15,7 +15,7 @@ from ludus.pool import EnginePool
 
 __all__ = ["check_layouts"]
 
-TITLE = "isolated and grid play the same episodes"
+TITLE = "isolated worlds and the grid play the same episodes"
 LAYOUTS = {"isolated": "isolated", "grid": "in the grid"}
 """How to say that a game runs in a layout."""
 SCRIPT_STEPS = 64
@@ -55,7 +55,7 @@ def _verdict(comparison: Comparison, grid: Recording, own: str) -> Finding:
         return fail(TITLE, detail, GRID_HINT, **comparison.to_json())
     hint = f"stay isolated; or {GRID_HINT}"
     return info(
-        "the grid plays other episodes than isolated worlds", detail, hint, **comparison.to_json()
+        "the grid and isolated worlds play different episodes", detail, hint, **comparison.to_json()
     )
 
 

@@ -37,7 +37,7 @@ def _same_seed(context: CheckContext) -> Finding:
 
 
 def _other_seed(context: CheckContext) -> Finding:
-    title = "other seeds give other first observations"
+    title = "different seeds give different first observations"
     with context.main_pool() as pool:
         other = pool.reset(context.config.seed + OTHER_SEED)
     first = context.recording.frames[0].batches

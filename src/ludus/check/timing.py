@@ -38,7 +38,7 @@ def check_timing(context: CheckContext) -> Iterator[Finding]:
 
 
 def _reset_answers(recording: Recording) -> Finding:
-    title = "a reset is answered with observations only"
+    title = "a reset returns observations only"
     for name, batch in recording.frames[0].batches.items():
         has_outcome = batch.terminated | batch.truncated | (batch.reward != 0)
         if has_outcome.any() or len(batch.final_index):

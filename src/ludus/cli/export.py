@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from ludus.export.config import ExportConfig
+from ludus.extras import install_hint
 
 if TYPE_CHECKING:
     from ludus.export.compare import Comparison
+    from ludus.export.exporting import Exported
     from ludus.export.parity import ParityReport
 
 __all__ = ["COMMAND", "ExportCommand", "run"]
@@ -20,7 +22,7 @@ __all__ = ["COMMAND", "ExportCommand", "run"]
 
 @dataclass(frozen=True, kw_only=True)
 class ExportCommand(ExportConfig):
-    """Write the trained policies of a run as files that run without Python.
+    """Write the trained policies of a run, or a model of Stable-Baselines3, as files for games.
 
     A .ludus.json goes into a game, where the add-on plays it. An .onnx runs in ONNX Runtime and the
     like. Nothing is written unless all runtimes compute what was trained.
@@ -35,15 +37,23 @@ COMMAND = ExportCommand
 
 def run(command: ExportCommand) -> int:
     """Export and print; return 0."""
-    from ludus.export.exporting import export_policies
-
-    for exported in export_policies(command):
+    for exported in _export(command):
         size = f"{exported.num_bytes / 1024:.1f} KiB"
         parity = exported.parity
         tested = ["  not tested (--no-parity)"] if parity is None else _parity_lines(parity)
         lines = [f"{exported.policy}: {exported.path} ({size})", *tested]
         sys.stdout.write("\n".join(lines) + "\n")
     return 0
+
+
+def _export(command: ExportCommand) -> list[Exported]:
+    if command.run.suffix == ".zip":
+        from ludus.export.sb3_export import export_model
+
+        return [export_model(command)]
+    from ludus.export.exporting import export_policies
+
+    return export_policies(command)
 
 
 def _parity_lines(report: ParityReport) -> list[str]:
@@ -57,7 +67,7 @@ def _parity_lines(report: ParityReport) -> list[str]:
         *(f"    {_line(comparison)}" for comparison in report.comparisons),
     ]
     tested = " ".join(comparison.runtime for comparison in report.comparisons)
-    hints = {"ONNX Runtime": "pip install 'ludus-rl[export]'"}
+    hints = {"ONNX Runtime": install_hint("export")}
     if "Bevy" not in tested:
         hints["Godot"] = "ludus engine install godot4"
     missing = {name: hint for name, hint in hints.items() if name not in tested}

@@ -24,7 +24,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any, NoReturn
 
-from ludus.errors import LudusError, SetupError, UsageError, did_you_mean
+from ludus.errors import LudusError, UsageError, did_you_mean
+from ludus.extras import EXTRAS, missing_extra
 from ludus.version import __version__
 
 __all__ = ["COMMANDS", "main"]
@@ -46,12 +47,6 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "addon": ("ludus.cli.addon", "copy the Ludus add-on into a game"),
 }
 """Module and one line of help, by command."""
-
-EXTRAS = {"platformdirs": "engine", "tyro": "cli", "rich": "cli", "psutil": "cli",
-          "torch": "train", "safetensors": "train", "tensorboard": "train",
-          "matplotlib": "train", "onnx": "export", "onnxruntime": "export",
-          "av": "record"}  # fmt: skip
-"""Which extra brings a package that may be missing."""
 
 EXIT_OTHER, EXIT_USAGE, EXIT_INTERRUPTED, EXIT_TERMINATED, EXIT_PIPE = 1, 2, 130, 143, 141
 
@@ -159,8 +154,7 @@ def _report(error: Exception, is_debug: bool) -> int:
         return _after(f"error: {error.message}", error.hint, error.exit_code, is_debug)
     package = (getattr(error, "name", None) or "").partition(".")[0]
     if isinstance(error, ImportError) and package in EXTRAS:
-        hint = f"pip install 'ludus-rl[{EXTRAS[package]}]'"
-        return _after(f"error: {package} is not installed", hint, SetupError.exit_code, is_debug)
+        return _report(missing_extra(package), is_debug)
     text = f"error: {type(error).__name__}: {error}"
     return _after(text, "this is a defect; --debug shows the traceback", EXIT_OTHER, is_debug)
 

@@ -183,8 +183,8 @@ def reserve_cores(num_engines: int) -> ReservedCores:
 def pinned_to(cores: tuple[int, ...] | None) -> Generator[None, None, None]:
     """Pin the calling thread for a moment, so that a process started meanwhile inherits it.
 
-    A process keeps the affinity of the thread that starts it, and hands it on to every thread
-    of its own; no other thread of this process is affected.
+    A process inherits the affinity of the thread that starts it, and so do all of its threads.
+    Other threads of this process are not affected.
 
     Raises:
         ConfigError: This process may not use one of the cores.

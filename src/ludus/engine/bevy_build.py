@@ -137,9 +137,9 @@ def _run_cargo(command: list[str], root: Path, name: str) -> list[str]:
 
 
 def _keep(built: Path, name: str) -> Path:
-    """Copy an executable to a name of its own, unless the copy is current.
+    """Copy an executable to a file that is named after its features, unless the copy is current.
 
-    Cargo builds an example with other features into the same file, even while somebody plays it.
+    Cargo builds an example with other features into the same file, even while it runs.
     """
     kept = built.parent / "kept" / built.with_stem(name).name
     kept.parent.mkdir(exist_ok=True)

@@ -21,6 +21,7 @@ from typing import Any, ClassVar, Self
 
 from ludus.engine.kinds import EngineKind, Version
 from ludus.errors import SetupError
+from ludus.extras import install_hint
 
 __all__ = ["EngineRecord", "TemplateRecord", "cache_root", "cached_engines", "require_cache_root"]
 
@@ -46,7 +47,7 @@ def require_cache_root() -> Path:
     if root is None:
         raise SetupError(
             "the user cache cannot be located, because platformdirs is not installed",
-            hint='pip install "ludus-rl[engine]"',
+            hint=install_hint("engine"),
         )
     return root
 

@@ -20,6 +20,7 @@ from ludus.engine.kinds import EngineKind
 from ludus.engine.screen import find_xvfb
 from ludus.engine.template import cached_templates, matching_template
 from ludus.engine.version import release_name, show_version
+from ludus.extras import install_hint
 
 __all__ = ["Finding", "FindingStatus", "doctor"]
 
@@ -102,8 +103,7 @@ def _template() -> Finding:
 def _cache() -> Finding:
     root = cache_root()
     if root is None:
-        hint = 'pip install "ludus-rl[engine]"'
-        return _warn("cache", "platformdirs is not installed", hint)
+        return _warn("cache", "platformdirs is not installed", install_hint("engine"))
     existing = next(folder for folder in (root, *root.parents) if folder.exists())
     if not os.access(existing, os.W_OK):
         return _warn("cache", f"{root} cannot be written", hint=f"make {root} writable")
@@ -143,7 +143,7 @@ def _screen() -> Finding:
 
 def _torch() -> Finding:
     if importlib.util.find_spec("torch") is None:
-        return _warn("torch", "not installed", hint='for training: pip install "ludus-rl[train]"')
+        return _warn("torch", "not installed", hint=f"for training: {install_hint('train')}")
     return _ok("torch", importlib.metadata.version("torch"))
 
 

@@ -77,8 +77,8 @@ def needs_import(engine: InstalledEngine, project: Project) -> bool:
 def _import(engine: InstalledEngine, project: Project, timeout_s: float) -> None:
     _log.info("importing %s", project.root)
     stamp = project.root / ".godot" / STAMP_NAME
-    # An import that fails, or whose files change meanwhile, leaves a cache that suits nothing. The
-    # old stamp must not vouch for it when the files change back.
+    # An import that fails, or whose files change while it runs, leaves a cache that matches no
+    # state of the files. The old stamp must not confirm it when the files change back.
     stamp.unlink(missing_ok=True)
     before = _fingerprint(engine, project.root, with_generated=False)
     _run_import(engine, project, timeout_s)
@@ -113,7 +113,7 @@ def _fingerprint(engine: InstalledEngine, root: Path, *, with_generated: bool = 
 
 
 def _file_lines(folder: str, with_generated: bool) -> Iterator[str]:
-    """Yield path, size and time of every file that Godot may import; of its own, the content."""
+    """Yield path, size and time of every file that Godot may import, or what it wrote itself."""
     with os.scandir(folder) as entries:
         listed = [entry for entry in entries if not entry.name.startswith(".")]
         is_ignored = Path(folder, ".gdignore").is_file()

@@ -1,4 +1,4 @@
-"""Start a process with a group of its own, and end the whole group.
+"""Start a process in its own group, and end the whole group.
 
 On POSIX the group is a session; a process that leaves it on purpose (``setsid``) is not
 followed. On Windows the tree of child processes is ended by ``taskkill``.

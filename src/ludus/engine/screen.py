@@ -74,5 +74,5 @@ def with_display(command: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def with_virtual_screen(command: tuple[str, ...], xvfb: Path) -> tuple[str, ...]:
-    """Give a command a virtual screen of its own; see `with_display`."""
+    """Give a command its own virtual screen; see `with_display`."""
     return ("/bin/sh", "-c", _SCRIPT, str(xvfb), *command)

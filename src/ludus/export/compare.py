@@ -112,7 +112,7 @@ def _choice_gap(
 def _gap(
     logits: NDArray[np.float64], expected: NDArray[np.int64], came: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Return how far the logit of the choice that came is below the best; infinite for no choice.
+    """Return how far the logit of the given choice is below the best; infinite if it is none.
 
     Args:
         logits: ``float64[steps, n, choices]``.

@@ -13,7 +13,7 @@ class ExportConfig:
     """What to export, and where to.
 
     Attributes:
-        run: Run folder, or one of its checkpoints.
+        run: Run folder, or one of its checkpoints; or a model of Stable-Baselines3 (.zip).
         policy: Export only this policy; all if not given.
         to: A file, if there is one policy; a folder; or a pattern such as models/{policy}.onnx.
             If not given, .ludus.json files in the run's folder.
@@ -21,6 +21,7 @@ class ExportConfig:
         is_tested: Test that every runtime computes what was trained, the game engine included.
         godot: Godot to test with; if not given, the run's, or the one that ludus finds. A run in a
             Bevy game is tested with that game.
+        game: What a model of Stable-Baselines3 was trained in, which its file does not tell.
     """
 
     run: Path
@@ -29,3 +30,4 @@ class ExportConfig:
     checkpoint: str = "newest"
     is_tested: bool = True
     godot: Path | None = None
+    game: str | None = None

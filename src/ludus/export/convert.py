@@ -99,7 +99,7 @@ def _own_layers(policy: Policy, torso: OwnTorso) -> nn.Sequential:
 
 
 def _entry(entry: ObservationEntry) -> ObservationEntry:
-    """Drop bounds that are infinite for some elements: JSON cannot say that, and nothing needs it.
+    """Drop bounds that are infinite for some elements, which JSON cannot hold and nothing needs.
 
     Gymnasium environments have such; engines cannot.
     """

@@ -23,7 +23,7 @@ TYPICAL = 3.0
 EXTREME = 12.0
 """Deviations of the extreme ones, beyond where normalised values are cut off."""
 BEYOND = 1e6
-"""Bounds further out than this say nothing about what is met."""
+"""Bounds further out than this say nothing about typical values."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class ParityInputs:
 def draw_inputs(
     model: PolicyModel, recorded: Mapping[str, NDArray[Any]], seed: int = 0
 ) -> ParityInputs:
-    """Return observations within the entries' bounds, and such as were met in training.
+    """Return random observations within the entries' bounds, and recorded ones from training.
 
     The first two agents see the lowest and the highest values. Of the other random ones every
     second one keeps within three deviations of the mean, as the normalisation knows them.

@@ -4,7 +4,7 @@ Inputs, ``n`` agents at once: every observation entry by its name and in its own
 they are; ``action_mask`` (bool) if the policy has masks; ``memory`` (zeros at the beginning of an
 episode) if it has one. Outputs:
 
-- ``outputs``: what the network puts out, ``float32[n, outputs]``;
+- ``outputs``: the raw outputs of the network, ``float32[n, outputs]``;
 - ``discrete``: the most probable choices, ``int64[n, components]``;
 - ``continuous``: the means, in the bounds of the action space, ``float32[n, size]``;
 - ``log_std``: log deviations where the bounds are -1 and 1, before squashing or cutting off;
@@ -35,7 +35,7 @@ from ludus.version import __version__
 __all__ = ["MASK", "MEMORY", "OPSET", "check_names", "to_onnx", "with_metadata", "write_onnx"]
 
 OPSET, IR_VERSION = 17, 8
-"""Of 2022: what runtimes of the last years read."""
+"""From 2022, so that runtimes of the last years can read the files."""
 MASK, MEMORY = "action_mask", "memory"
 RESERVED = (MASK, MEMORY, "memory_out", "outputs", "discrete", "continuous", "log_std")
 """Names of other inputs and outputs, which no observation entry may have."""

@@ -8,7 +8,7 @@ observations.
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from ludus.engine import InstalledEngine
 from ludus.errors import ParityError
 from ludus.export.compare import TOLERANCE, Comparison, compare
 from ludus.export.engines import BevyGame, answer_with_engine
-from ludus.export.inputs import draw_inputs
+from ludus.export.inputs import ParityInputs, draw_inputs
 from ludus.export.runtimes import (
     Answers,
     answer_with_numpy,
@@ -30,6 +30,9 @@ from ludus.model.policy_model import PolicyModel
 from ludus.networks.policy import Policy
 
 __all__ = ["ParityReport", "PolicyFiles", "has_onnx_runtime", "measure_parity", "require_parity"]
+
+Reference = Callable[[ParityInputs], Answers]
+"""Answers of a network that is not Ludus's own."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ def has_onnx_runtime() -> bool:
 
 
 def measure_parity(
-    policy: Policy,
+    policy: Policy | Reference,
     model: PolicyModel,
     files: PolicyFiles,
     engine: InstalledEngine | BevyGame | None,
@@ -77,7 +80,7 @@ def measure_parity(
     """Ask every runtime and compare its answers with those of PyTorch.
 
     Args:
-        policy: The trained network.
+        policy: The trained network, or what answers as it does.
         model: What was exported, or its outline.
         files: Where.
         engine: Godot or a Bevy game; None leaves the engine out.
@@ -87,7 +90,8 @@ def measure_parity(
         EngineError: The engine failed.
     """
     inputs = draw_inputs(model, recorded)
-    expected = answer_with_torch(policy, inputs)
+    is_ours = isinstance(policy, Policy)
+    expected = answer_with_torch(policy, inputs) if is_ours else policy(inputs)
     answers: dict[str, Answers] = {}
     if files.json is not None:
         answers["NumPy"] = answer_with_numpy(files.json, inputs)

@@ -22,7 +22,7 @@ __all__ = ["Answers", "answer_with_numpy", "answer_with_onnx", "answer_with_torc
 
 @dataclass(frozen=True)
 class Answers:
-    """What a runtime makes of :class:`~ludus.export.inputs.ParityInputs`.
+    """The answers of a runtime to :class:`~ludus.export.inputs.ParityInputs`.
 
     Attributes:
         outputs: ``float32[steps, n, num_outputs]``, raw.

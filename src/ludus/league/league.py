@@ -22,7 +22,7 @@ from ludus.spec.batch import ActionBatch, Batch, Batches
 __all__ = ["League", "PastSelf", "act_for", "past_selves"]
 
 LIVE = -1
-"""Stands for the policy as it is now, where a past self would have its number."""
+"""Number of the policy as it is now; past selves have the number of their updates."""
 
 FIRST_RATING = 1000.0
 
@@ -101,7 +101,7 @@ class League:
         return act_for(slots, players, batch, actions)
 
     def record(self, engine: int, batches: Batches) -> None:
-        """Take the outcome of a step: rate what ended, and draw anew there."""
+        """Take the outcome of a step: rate the games that ended, and draw who plays next there."""
         finished = self._trackers[engine].record(batches)
         if not len(finished.worlds):
             return
@@ -113,7 +113,7 @@ class League:
         self._draw(engine, finished.worlds)
 
     def advance(self, updates: int) -> None:
-        """Keep past selves and choose opponents, where it is time to after ``updates``."""
+        """Save past selves and choose opponents, if it is time to after ``updates``."""
         if updates % self._config.snapshot_every_updates:
             return
         for name, policy in self._policies.items():

@@ -132,7 +132,7 @@ def teams_of(pool: Pool) -> Teams:
 
 
 def _schedule(teams: Teams, league_players: LeaguePlayers, episodes: int) -> Iterable[_Game]:
-    """Return all games; those of one player are neighbours, so that few networks run at once."""
+    """Return all games; those of one player in a row, so that few networks run at once."""
     names = teams.policies
     newest = [len(league_players[name]) - 1 for name in names]
     if len(set(names)) == 1:
@@ -164,7 +164,7 @@ def _lineup(newest: Sequence[int], *changed: tuple[int, int]) -> tuple[int, ...]
 
 
 class _Tournament:
-    """The worlds of a pool, each with a game of its own."""
+    """The worlds of a pool, each with its own game."""
 
     def __init__(
         self, teams: Teams, league_players: LeaguePlayers, pool: Pool, config: TournamentConfig

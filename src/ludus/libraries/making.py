@@ -22,7 +22,7 @@ from ludus.libraries.vector import LudusVectorEnv
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.target import EngineTarget, Gymnasium, Legacy, Target, check_accepted, parse_target
 
-__all__ = ["make", "make_registered_vec", "make_vec", "open_game"]
+__all__ = ["make", "make_registered_vec", "make_vec", "open_game", "refuse_several_worlds"]
 
 _Env = TypeVar("_Env", LudusEnv, LudusVectorEnv)
 
@@ -56,12 +56,7 @@ def make(
         EngineNotFound: There is no engine to run it with.
         EngineError: The engine did not start.
     """
-    for name in ("num_worlds", "num_engines"):
-        if settings.get(name, 1) != 1:
-            raise UsageError(
-                f"ludus.make starts one world, but {name} is {settings[name]!r}",
-                hint="ludus.make_vec has as many as you like",
-            )
+    refuse_several_worlds("ludus.make", settings)
     recipe = Recipe.of(
         "make",
         target,
@@ -153,6 +148,16 @@ def make_registered_vec(
         # Only the game tells how many agents a world has.
         per_world = envs.policy.agents_per_world
         envs.close()
+
+
+def refuse_several_worlds(function: str, settings: Mapping[str, Any]) -> None:
+    """Refuse settings that ask for several worlds of a function that starts one."""
+    for name in ("num_worlds", "num_engines"):
+        if settings.get(name, 1) != 1:
+            raise UsageError(
+                f"{function} starts one world, but {name} is {settings[name]!r}",
+                hint="ludus.make_vec and ludus.open_pool have as many as you like",
+            )
 
 
 def open_game(

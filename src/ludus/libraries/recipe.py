@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,29 +18,36 @@ __all__ = ["Recipe", "reduce_env"]
 
 @dataclass(frozen=True)
 class Recipe:
-    """A call of ``ludus.make`` or ``ludus.make_vec``.
+    """A call of a function that starts a game.
 
     Attributes:
-        function: ``make`` or ``make_vec``.
+        function: Such as ``make`` or ``make_vec``.
         target: As given; the path of something on disk is absolute.
         settings: All other arguments that were given.
+        module: Where the function is.
         num_envs: How many environments came of it.
     """
 
     function: str
     target: str
     settings: dict[str, Any]
+    module: str = "ludus.libraries"
     num_envs: int = 1
 
     @classmethod
-    def of(cls, function: str, target: str | Path, settings: dict[str, Any]) -> Recipe:
+    def of(
+        cls,
+        function: str,
+        target: str | Path,
+        settings: dict[str, Any],
+        module: str = "ludus.libraries",
+    ) -> Recipe:
         """Return the recipe of a call; it holds in other working folders, too."""
         path = Path(target).expanduser()
         is_path = isinstance(target, Path) or "/" in str(target)
         name = str(path.absolute()) if is_path and path.exists() else str(target)
-        return cls(
-            function, name, {key: value for key, value in settings.items() if value is not None}
-        )
+        given = {key: value for key, value in settings.items() if value is not None}
+        return cls(function, name, given, module)
 
     @property
     def spec(self) -> EnvSpec:
@@ -61,9 +69,7 @@ class Recipe:
 
     def make(self) -> Any:
         """Make the environment once more."""
-        from ludus.libraries import making
-
-        return getattr(making, self.function)(self.target, **self.settings)
+        return getattr(import_module(self.module), self.function)(self.target, **self.settings)
 
 
 def reduce_env(env: object, recipe: Recipe | None) -> tuple[Any, ...]:

@@ -1,8 +1,7 @@
 """Takes the frames of a Godot game, in the order in which it draws them, each once.
 
-``recorder.gd`` runs in the game, in the place of Godot's main loop, and sends every frame over a
-connection of its own. It waits until the frame is taken, so that none is lost; the game's own time
-does not go on meanwhile.
+``recorder.gd`` replaces Godot's main loop in the game, and sends every frame over a separate
+connection. It waits until the frame is taken, so that none is lost; game time stops until then.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ _POLL_S = 0.05
 
 
 class Camera:
-    """Hands the frames of one game to ``take``, in a thread of its own.
+    """Hands the frames of one game to ``take``, in its own thread.
 
     Set :attr:`variable` and :meth:`engine_args` for the game, start it, then :meth:`connect`,
     :meth:`begin`, let it play, :meth:`end`, close the game, :meth:`finish`.

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.errors import ConfigError, RunError, SetupError, UsageError
+from ludus.errors import ConfigError, RunError, UsageError
+from ludus.extras import missing_extra
 from ludus.record.film_kinds import FilmKind, film_kind
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ Frame = NDArray[np.uint8]
 class Film:
     """Writes a ``.mp4``, ``.webm`` or ``.gif``; the ending says which.
 
-    Nothing stands under the final name before the film is whole; after an error, nothing is left.
+    The file is replaced only once the film is complete; an error leaves nothing behind.
 
     ::
 
@@ -71,7 +72,7 @@ class Film:
         """Append one frame; a later one of another size is scaled to the first one's.
 
         Raises:
-            UsageError: It is no ``uint8[height, width, 3]``.
+            UsageError: It is not ``uint8[height, width, 3]``.
             RunError: The disk is full, or the like.
         """
         import av
@@ -175,7 +176,7 @@ def check_out(path: Path) -> FilmKind:
     if path.is_dir() or not os.access(path.parent, os.W_OK):
         raise ConfigError(f"the film {path} cannot be written", hint="name another file with --out")
     if find_spec("av") is None:
-        raise SetupError("writing films needs the package av", hint="pip install ludus-rl[record]")
+        raise missing_extra("av")
     return kind
 
 

@@ -72,7 +72,7 @@ def film_gymnasium(env: GymEnv, player: MakePlayer, shot: Shot) -> dict[str, int
         How many episodes have ended.
 
     Raises:
-        TargetError: It renders something that is no picture.
+        TargetError: It renders something other than pictures.
         RunError: The film could not be written.
     """
     frames = itertools.count()

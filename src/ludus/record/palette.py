@@ -12,7 +12,7 @@ __all__ = ["Palette"]
 class Palette:
     """Takes all pictures, then hands them out with one palette that serves them all.
 
-    They are kept in memory, 3 bytes a pixel, until the last has come.
+    They are kept in memory, 3 bytes a pixel, until the last one has been added.
 
     Args:
         width: Of all pictures, pixels.

@@ -70,7 +70,7 @@ def take_picture(pool: EnginePool, world: int = 0) -> Frame:
         raise TargetError(
             f"the game gives no pictures: {error.message}",
             hint="a Bevy game needs its feature camera and a LudusFilmCamera in each world "
-            "(docs/cameras.md); Godot 3 gives none; of a Godot game, ludus record films the project",
+            "(docs/cameras.md); Godot 3 gives none; ludus record films the project of a Godot game",
         ) from error
     pictures = cast("list[Any]", answer) if isinstance(answer, list) else [answer]
     frames = [_decode(picture) for picture in pictures]

@@ -1,4 +1,4 @@
-"""What is taken of a game: how many frames, from when on, until when."""
+"""Which frames of a game are filmed: how many, from when, until when."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Shot:
         film: Gets the frames.
         every: Frames of the game for one of the film.
         num_frames: Longest film, frames.
-        num_episodes: End after so many episodes of every policy; None: never.
+        num_episodes: End after this many episodes of every policy; None: never.
         num_skipped: Frames of the film left out at the beginning.
         seed: Of worlds.
         window: Width and height of a Godot game's window, pixels; None: the project's.

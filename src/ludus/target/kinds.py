@@ -184,7 +184,7 @@ class PolicyFile:
 
 
 Game = Scene | Executable | Address | Play
-"""What a session can be opened with at once."""
+"""What a session can be opened with directly."""
 EngineTarget = Example | Game
 """What :func:`prepare` makes a game of, and a pool opens with engines."""
 PreparedTarget = Game | Gymnasium | Legacy | Run | PolicyFile

@@ -174,7 +174,7 @@ def progress_head(progress: Progress, share: float) -> str:
     """Return share done, steps, speed and time of the whole run."""
     text = (
         f"{share:4.0%}  {progress.agent_steps:,} steps  {progress.steps_per_s:,.0f} steps/s  "
-        f"{clock(progress.wall_s)} gone, up to {clock(progress.time_left_s)} left"
+        f"{clock(progress.wall_s)} elapsed, up to {clock(progress.time_left_s)} left"
     )
     return text + (f"  {progress.restarts} restarts" if progress.restarts else "")
 
@@ -192,7 +192,7 @@ def policy_text(name: str, metrics: Mapping[str, float], mode: Mode) -> str:
 
 
 def progress_line(progress: Progress, share: float) -> str:
-    """Return everything in one line, for streams that are no terminal."""
+    """Return everything in one line, for streams other than terminals."""
     policies = (
         policy_text(name, metrics, progress.modes.get(name, "train"))
         for name, metrics in progress.policies.items()

@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from ludus.errors import ConfigError, SetupError, TargetError
+from ludus.extras import install_hint
 from ludus.legacy.addresses import GameAddress, check_one_game, read_address
 from ludus.legacy.bevy_rl.game import BevyRlGame, Client
 from ludus.legacy.bevy_rl.http import HttpConversation
@@ -81,7 +82,7 @@ def open_game(address: GameAddress, settings: Settings) -> BevyRlGame:
     if with_pixels and find_spec("PIL") is None:
         raise SetupError(
             "pictures of bevy_rl programs need the package pillow",
-            hint="pip install ludus-rl[bevy_rl]",
+            hint=install_hint("bevy_rl"),
         )
     if settings.num_agents is not None and settings.num_agents < 1:
         raise ConfigError(f"num_agents is {settings.num_agents}, expected 1 or more")

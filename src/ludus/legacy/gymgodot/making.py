@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ludus.errors import ConfigError, SetupError
+from ludus.extras import install_hint
 from ludus.legacy.addresses import GameAddress, check_one_game, read_address
 from ludus.legacy.game import Declaration
 from ludus.legacy.launching import GameLaunch
@@ -189,7 +190,7 @@ def _check_packages() -> None:
     if missing:
         raise SetupError(
             f"driving GymGodot projects needs the package {' and '.join(missing)}",
-            hint="pip install ludus-rl[gymgodot]",
+            hint=install_hint("gymgodot"),
         )
 
 

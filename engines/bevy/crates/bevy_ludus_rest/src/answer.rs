@@ -69,18 +69,16 @@ where
     B: Body<Error: Into<Box<dyn Error + Send + Sync>>>,
 {
     let (head, body) = request.into_parts();
-    let query = StepQuery::read(head.uri.query().unwrap_or_default());
-    let needs_body = head.method == Method::POST && query.payload.is_none();
-    let is_step = head.uri.path() == "/step";
-    let body = match needs_body && is_step {
-        true => read_body(body, connection).await?,
-        false => Bytes::new(),
-    };
+    let path = head.uri.path();
+    let mut query = StepQuery::read(head.uri.query().unwrap_or_default());
+    if path == "/step" && query.payload.is_none() && head.method == Method::POST {
+        query.payload = Some(read_body(body, connection).await?);
+    }
     connection.note_request();
-    match head.uri.path() {
+    match path {
         "/state" => game.export.state().map(text),
         "/reset" => reset(game).await.map(text),
-        "/step" => step(game, &query, &body, needs_body).await.map(text),
+        "/step" => step(game, query).await.map(text),
         _ => picture(game).await,
     }
 }
@@ -105,19 +103,13 @@ async fn reset(game: &GameHandle) -> Result<String, Refusal> {
     game.export.agents()
 }
 
-async fn step(
-    game: &GameHandle,
-    query: &StepQuery,
-    body: &[u8],
-    has_body: bool,
-) -> Result<String, Refusal> {
-    let actions = match &query.payload {
-        Some(payload) => read_actions(payload.as_bytes(), game.num_agents),
-        None if has_body => read_actions(body, game.num_agents),
-        None => Err(Refusal::bad_request(
+async fn step(game: &GameHandle, query: StepQuery) -> Result<String, Refusal> {
+    let payload = query.payload.ok_or_else(|| {
+        Refusal::bad_request(
             "the payload is missing\nhint: /step?payload=[{\"action\": \"…\"}, …], URL-encoded",
-        )),
-    }?;
+        )
+    })?;
+    let actions = read_actions(&payload, game.num_agents)?;
     let _turn = game.play(Ask::Step(actions)).await?;
     let agents = game.export.agents()?;
     if query.is_state_included {
@@ -127,7 +119,7 @@ async fn step(
     Ok(agents)
 }
 
-async fn read_body<B>(body: B, connection: &Connection) -> Result<Bytes, Refusal>
+async fn read_body<B>(body: B, connection: &Connection) -> Result<Vec<u8>, Refusal>
 where
     B: Body<Error: Into<Box<dyn Error + Send + Sync>>>,
 {
@@ -137,14 +129,13 @@ where
         let reason = format!("the payload did not arrive within {seconds} s");
         return Err(Refusal::new(StatusCode::REQUEST_TIMEOUT, reason));
     };
-    body.map(http_body_util::Collected::to_bytes)
-        .map_err(|error| {
-            if error.is::<LengthLimitError>() {
-                let reason = format!("the payload is longer than {MAX_BODY} bytes");
-                return Refusal::new(StatusCode::PAYLOAD_TOO_LARGE, reason);
-            }
-            Refusal::bad_request(format!("the payload did not arrive: {error}"))
-        })
+    body.map(|body| body.to_bytes().into()).map_err(|error| {
+        if error.is::<LengthLimitError>() {
+            let reason = format!("the payload is longer than {MAX_BODY} bytes");
+            return Refusal::new(StatusCode::PAYLOAD_TOO_LARGE, reason);
+        }
+        Refusal::bad_request(format!("the payload did not arrive: {error}"))
+    })
 }
 
 fn text(text: String) -> Response<Full<Bytes>> {

@@ -31,7 +31,7 @@ pub(super) fn read_actions(text: &[u8], num_agents: usize) -> Result<Vec<Option<
 /// What the query of `/step` asks for.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct StepQuery {
-    pub payload: Option<String>,
+    pub payload: Option<Vec<u8>>,
     /// Whether the answer is to hold the state as well.
     pub is_state_included: bool,
 }
@@ -41,7 +41,7 @@ impl StepQuery {
         let mut read = Self::default();
         for (name, value) in form_urlencoded::parse(query.as_bytes()) {
             match name.as_ref() {
-                "payload" => read.payload = Some(value.into_owned()),
+                "payload" => read.payload = Some(value.into_owned().into_bytes()),
                 "include" => read.is_state_included = value == "state",
                 _ => (),
             }
@@ -75,7 +75,10 @@ mod tests {
     #[test]
     fn queries_are_decoded() {
         let read = StepQuery::read("payload=%5B%7B%22action%22%3A+%22a%2Bb%22%7D%5D&include=state");
-        assert_eq!(read.payload.as_deref(), Some(r#"[{"action": "a+b"}]"#));
+        assert_eq!(
+            read.payload.as_deref(),
+            Some(br#"[{"action": "a+b"}]"#.as_slice())
+        );
         assert!(read.is_state_included);
         assert_eq!(StepQuery::read("what=ever"), StepQuery::default());
     }
@@ -90,7 +93,7 @@ mod tests {
                 .append_pair("payload", &text)
                 .finish();
             let read = StepQuery::read(&query).payload.unwrap();
-            prop_assert_eq!(read_actions(read.as_bytes(), actions.len()), Ok(actions));
+            prop_assert_eq!(read_actions(&read, actions.len()), Ok(actions));
         }
 
         #[test]

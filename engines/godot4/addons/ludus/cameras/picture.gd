@@ -20,6 +20,7 @@ static func complaint(world: LudusWorld) -> String:
 static func of(world: LudusWorld, others: Array[LudusWorld]) -> Dictionary:
 	var viewport := world.root.get_viewport()
 	_prepare(viewport as SubViewport)
+	var seen := viewport.canvas_transform
 	_aim(viewport, world)
 	var hidden := _hide(others)
 	# Nodes that were moved in this tick tell the renderer only at its end, unless they are asked to.
@@ -30,6 +31,7 @@ static func of(world: LudusWorld, others: Array[LudusWorld]) -> Dictionary:
 	RenderingServer.set_block_signals(false)
 	for node: Node in hidden:
 		node.set(&"visible", true)
+	viewport.canvas_transform = seen
 	var image := viewport.get_texture().get_image()
 	image.convert(Image.FORMAT_RGB8)
 	while image.get_width() * image.get_height() > MAX_PIXELS:
@@ -63,8 +65,12 @@ static func _aim(viewport: Viewport, world: LudusWorld) -> void:
 	if not cameras.is_empty():
 		(cameras[0] as Camera2D).make_current()
 		(cameras[0] as Camera2D).force_update_scroll()
-	else:
-		viewport.canvas_transform = Transform2D(0.0, -world.grid_offset)
+		return
+	# The camera of another world may look: it was moved, too.
+	var offset := world.grid_offset
+	if viewport.get_camera_2d() != null:
+		offset -= LudusWorld.find_above(viewport.get_camera_2d()).grid_offset
+	viewport.canvas_transform = viewport.canvas_transform.translated_local(-offset)
 
 
 ## Hides the worlds that share the space of the one to be drawn; returns what was visible.

@@ -75,7 +75,7 @@ fn open_half(game: &Game, count: usize, beginning: &str) -> Vec<TcpStream> {
 }
 
 #[test]
-fn half_sent_requests_keep_nobody_out() {
+fn half_sent_requests_keep_no_client_out() {
     let game = Game::start(settings(), Habits::default());
     let mut regular = game.client();
     regular.step(&["1", "1"]);

@@ -1,0 +1,66 @@
+"""Packages that only some features need, and what brings them."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import re
+import shlex
+
+from ludus.errors import MissingExtra
+
+__all__ = ["EXTRAS", "install_hint", "missing_extra"]
+
+DISTRIBUTION = "ludus-rl"
+
+EXTRAS = {"platformdirs": "engine", "tyro": "cli", "rich": "cli", "psutil": "cli",
+          "torch": "train", "safetensors": "train", "tensorboard": "train",
+          "matplotlib": "train", "onnx": "export", "onnxruntime": "export",
+          "av": "record"}  # fmt: skip
+"""Which extra brings a package that may be missing."""
+
+
+def install_hint(extra: str) -> str:
+    """Return the command that installs what an extra of this package names.
+
+    Ludus is not on PyPI: pip is told where this copy came from, or else the packages themselves.
+    """
+    try:
+        distribution = importlib.metadata.distribution(DISTRIBUTION)
+    except importlib.metadata.PackageNotFoundError:
+        return f"install Ludus with its extra [{extra}]"
+    source = json.loads(distribution.read_text("direct_url.json") or "{}").get("url", "")
+    if source.startswith("file://"):
+        needed = [f"{source.removeprefix('file://')}[{extra}]"]
+    elif source:
+        needed = [f"{DISTRIBUTION}[{extra}] @ {source}"]
+    else:
+        needed = sorted(_requirements(distribution, extra))
+    return f"pip install {shlex.join(needed)}"
+
+
+def missing_extra(package: str, extra: str = "") -> MissingExtra:
+    """Return the error for a package that is not installed.
+
+    Args:
+        package: Its name.
+        extra: What brings it; by default as :data:`EXTRAS` says.
+    """
+    hint = install_hint(extra or EXTRAS[package])
+    return MissingExtra(f"{package} is not installed", hint)
+
+
+def _requirements(distribution: importlib.metadata.Distribution, extra: str) -> set[str]:
+    """Return the packages of an extra, and of the extras that it names."""
+    found: set[str] = set()
+    for line in distribution.requires or ():
+        needed, _, marker = line.partition(";")
+        if not re.search(rf"extra\s*==\s*['\"]{re.escape(extra)}['\"]", marker):
+            continue
+        own = re.match(rf"{DISTRIBUTION}\[(.+)\]", needed.strip())
+        if own is None:
+            found.add(needed.strip())
+        else:
+            for name in own[1].split(","):
+                found |= _requirements(distribution, name.strip())
+    return found
