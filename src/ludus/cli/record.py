@@ -18,7 +18,7 @@ __all__ = ["COMMAND", "RecordCommand", "run"]
 
 @dataclass(frozen=True, kw_only=True)
 class RecordCommand(ActionFlags, RecordConfig):
-    """Play a game in its own window and write a film of it.
+    """Play a game in its own window and write a film of it, or a Minari dataset of its steps.
 
     Every frame of the game is filmed once, however slowly it is drawn. On a machine without a
     screen, Xvfb is started meanwhile. With a run folder, the agents trained there play.
@@ -45,8 +45,11 @@ COMMAND = RecordCommand
 
 
 def run(command: RecordCommand) -> int:
-    """Film, say what was written, and return 0."""
-    recorded = record(replace(command, is_stochastic=bool(command.choose())))
+    """Film or write a dataset, say what was written, and return 0."""
+    config = replace(command, is_stochastic=bool(command.choose()))
+    if config.dataset is not None:
+        return _record_dataset(config)
+    recorded = record(config)
     words = [
         f"{recorded.num_frames} frames",
         f"{recorded.seconds:.2f} s",
@@ -54,4 +57,16 @@ def run(command: RecordCommand) -> int:
         *(f"{name}: {count} episodes" for name, count in recorded.num_episodes.items()),
     ]
     sys.stdout.write(f"{recorded.path}: {', '.join(words)}\n")
+    return 0
+
+
+def _record_dataset(config: RecordConfig) -> int:
+    from ludus.errors import ConfigError
+    from ludus.record.dataset import record_dataset
+
+    if config.out is not None:
+        raise ConfigError("--out and --dataset exclude each other", "one is a film, one a dataset")
+    for one in record_dataset(config):
+        counts = f"{one.num_episodes} episodes, {one.num_steps} steps"
+        sys.stdout.write(f"{one.name}: {counts} of policy {one.policy}\n")
     return 0

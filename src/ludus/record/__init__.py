@@ -1,7 +1,8 @@
-"""Films of games: play, take every frame, write a video.
+"""Films of games, and datasets of their steps.
 
 ::
 
+    dataset       complete episodes as a Minari dataset; `ludus record --dataset`
     recording     what to film, with whom, how long; `ludus record`
     game_film     a Godot game in a window
     gym_film      a Gymnasium environment that renders to arrays

@@ -27,7 +27,7 @@ from ludus.target import (
     prepare,
 )
 
-__all__ = ["RecordConfig", "Recorded", "record"]
+__all__ = ["RecordConfig", "Recorded", "check_players", "make_player", "record", "with_run"]
 
 DEFAULT_SECONDS = 10.0
 MAX_SECONDS = 600.0
@@ -42,6 +42,9 @@ class RecordConfig(GameConfig):
         target: A bundled example, a project folder, a scene, gym:ENV_ID, or a run folder, whose
             agents then play.
         out: File to write: .mp4, .webm or .gif.
+        dataset: Instead of a film, write a Minari dataset of this name, such as
+            cartpole/expert-v0: complete episodes, 10 unless told otherwise. Without policy and
+            random actions, a person plays.
         policy: Run folder or checkpoint of trained agents; or policy files (.ludus.json), one for
             each policy of the game. Without it the game is filmed as it is.
         is_random: Take random actions.
@@ -59,7 +62,8 @@ class RecordConfig(GameConfig):
     """
 
     target: str
-    out: Path
+    out: Path | None = None
+    dataset: str | None = None
     policy: tuple[Path, ...] = ()
     is_random: bool = False
     is_stochastic: bool = False
@@ -111,9 +115,14 @@ def record(config: RecordConfig) -> Recorded:
         EngineError: The game failed.
         RunError: The film could not be written.
     """
-    config = _with_run(config)
-    _check(config)
-    check_out(config.out)
+    config = with_run(config)
+    check_players(config)
+    if config.num_episodes is not None and not (config.policy or config.is_random):
+        raise ConfigError(
+            "a number of episodes was given, but nobody plays, so no episode ends",
+            hint="use --seconds, or --policy or --random",
+        )
+    _out(config)
     target = parse_target(with_view(config.target), scene=config.scene, godot=config.godot)
     check_accepted("record", target)
     match prepare(target):
@@ -127,7 +136,17 @@ def record(config: RecordConfig) -> Recorded:
             raise AssertionError("check_accepted refuses it")
 
 
-def _with_run(config: RecordConfig) -> RecordConfig:
+def _out(config: RecordConfig) -> Path:
+    """Return the file of a film, whose format is known."""
+    if config.out is None:
+        raise ConfigError(
+            "nothing was named to write", hint="--out film.mp4, or --dataset NAME-v0 for Minari"
+        )
+    check_out(config.out)
+    return config.out
+
+
+def with_run(config: RecordConfig) -> RecordConfig:
     """Take from a run what it was trained with."""
     target = Path(config.target)
     if is_run := find_run(target) is not None:
@@ -146,20 +165,21 @@ def _with_run(config: RecordConfig) -> RecordConfig:
     return replace(config, target=trained.target if is_run else config.target, **changes)
 
 
-def _check(config: RecordConfig) -> None:
+def check_players(config: RecordConfig) -> None:
+    """Refuse policies that are missing, or beside random play.
+
+    Raises:
+        ConfigError: It says which.
+    """
     if config.policy and config.is_random:
         raise ConfigError("--policy and --random exclude each other")
-    if config.num_episodes is not None and not (config.policy or config.is_random):
-        raise ConfigError(
-            "a number of episodes was given, but nobody plays, so no episode ends",
-            hint="use --seconds, or --policy or --random",
-        )
     for path in config.policy:
         if not path.exists():
             raise ConfigError(f"there is no run or policy file {path}", hint="ludus runs")
 
 
-def _player(config: RecordConfig) -> MakePlayer:
+def make_player(config: RecordConfig) -> MakePlayer:
+    """Return how the policies of the settings, or chance, act."""
     if not config.policy:
         return lambda pool: random_player(pool, config.seed)
     return lambda pool: load_player(config.policy, pool, config.seed, config.is_stochastic)
@@ -170,7 +190,7 @@ def _record_game(config: RecordConfig, scene: Scene) -> Recorded:
 
     def take(shot: Shot) -> dict[str, int]:
         if config.policy or config.is_random:
-            return game_film.film_played(scene, PoolConfig.of(config), _player(config), shot)
+            return game_film.film_played(scene, PoolConfig.of(config), make_player(config), shot)
         game_film.film_alone(scene, shot)
         return {}
 
@@ -190,7 +210,7 @@ def _record_pictures(config: RecordConfig, game: Executable) -> Recorded:
         return _film(
             config,
             picture_film.picture_rate(pool),
-            lambda shot: picture_film.film_pictures(pool, _player(config), shot),
+            lambda shot: picture_film.film_pictures(pool, make_player(config), shot),
         )
 
 
@@ -204,7 +224,7 @@ def _record_gymnasium(config: RecordConfig, target: Gymnasium) -> Recorded:
         return _film(
             config,
             gym_film.env_rate(env),
-            lambda shot: gym_film.film_gymnasium(env, _player(config), shot),
+            lambda shot: gym_film.film_gymnasium(env, make_player(config), shot),
         )
 
 
@@ -212,8 +232,9 @@ def _film(
     config: RecordConfig, game_rate: Fraction, take: Callable[[Shot], dict[str, int]]
 ) -> Recorded:
     """Write the film that ``take`` takes of a game with ``game_rate`` frames a second."""
-    rate = choose_rate(check_out(config.out), game_rate, config.frames_per_second)
-    with Film(config.out, rate, config.width) as film:
+    out = _out(config)
+    rate = choose_rate(check_out(out), game_rate, config.frames_per_second)
+    with Film(out, rate, config.width) as film:
         shot = Shot(
             film=film,
             every=int(game_rate / rate),
@@ -224,4 +245,4 @@ def _film(
             window=config.window,
         )
         num_episodes = take(shot)
-    return Recorded(config.out, film.num_frames, rate, num_episodes)
+    return Recorded(out, film.num_frames, rate, num_episodes)
