@@ -57,21 +57,23 @@ def test_structs_and_dictionaries_are_the_same_settings(train_small: Any) -> Non
     assert first == second
 
 
+MISTAKES: list[tuple[dict[str, Any], str]] = [
+    ({"totl_steps": 3}, "unknown setting totl_steps"),
+    ({"total_steps": "many"}, "total_steps must be a whole number, not 'many'"),
+    ({"ppo": {"learning_rate": -1.0}}, "learning_rate must be above 0"),
+    ({"ppo": 3}, "ppo must hold settings by name, not 3"),
+    ({"policies": {"hero": {}}}, "there is no policy hero"),
+    ({"policies": 3}, "policies must hold settings by name, not 3"),
+    ({"networks": {"hero": nn.Identity}}, "there is no policy 'hero'"),
+    ({"pool": 3}, "pool must be what ludus.open_pool returns, not int"),
+    ({"learners": {"agent": lambda *_: 3}}, "int, lacks act, begin"),  # pyright: ignore
+    ({"networks": {"agent": lambda _: 3}}, "must be a torch.nn.Module, not int"),  # pyright: ignore
+]
+
+
+# The settings make no names: functions have addresses, which differ between pytest's processes.
 @pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"totl_steps": 3}, "unknown setting totl_steps"),
-        ({"total_steps": "many"}, "total_steps must be a whole number, not 'many'"),
-        ({"ppo": {"learning_rate": -1.0}}, "learning_rate must be above 0"),
-        ({"ppo": 3}, "ppo must hold settings by name, not 3"),
-        ({"policies": {"hero": {}}}, "there is no policy hero"),
-        ({"policies": 3}, "policies must hold settings by name, not 3"),
-        ({"networks": {"hero": nn.Identity}}, "there is no policy 'hero'"),
-        ({"pool": 3}, "pool must be what ludus.open_pool returns, not int"),
-        ({"learners": {"agent": lambda *_: 3}}, "int, lacks act, begin"),  # pyright: ignore
-        ({"networks": {"agent": lambda _: 3}}, "must be a torch.nn.Module, not int"),  # pyright: ignore
-    ],
-    ids=str,
+    ("settings", "message"), MISTAKES, ids=[message for _, message in MISTAKES]
 )
 def test_a_mistake_is_one_clear_error(
     train_small: Any, tmp_path: Path, settings: dict[str, Any], message: str

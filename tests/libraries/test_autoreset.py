@@ -44,7 +44,7 @@ class Masked(gymnasium.Env[Any, Any]):
         return observation, float(action), *(self.np_random.random(2) < 0.2).tolist(), info
 
 
-gymnasium.register("Masked-v0", Masked)
+gymnasium.register("MaskedImage-v0", Masked)
 
 
 def both(env_id: str, mode: str) -> tuple[Any, Any]:
@@ -68,7 +68,7 @@ def assert_equal(own: Any, theirs: Any) -> None:
 
 
 @pytest.mark.parametrize("mode", ["same_step", "next_step", "disabled"])
-@pytest.mark.parametrize("env_id", ["CartPole-v1", "Pendulum-v1", "Masked-v0"])
+@pytest.mark.parametrize("env_id", ["CartPole-v1", "Pendulum-v1", "MaskedImage-v0"])
 def test_modes_equal_gymnasiums_own_to_the_bit(env_id: str, mode: str) -> None:
     own, theirs = both(env_id, mode)
     own.action_space.seed(3)
@@ -97,7 +97,7 @@ def test_modes_equal_gymnasiums_own_to_the_bit(env_id: str, mode: str) -> None:
 
 
 def test_masks_are_those_of_the_observation() -> None:
-    own, theirs = both("Masked-v0", "next_step")
+    own, theirs = both("MaskedImage-v0", "next_step")
     own.reset(seed=1)
     theirs.reset(seed=1)
     for _ in range(100):
