@@ -130,9 +130,9 @@ def newest(run: Path) -> Checkpoint:
 def assert_equal(first: Checkpoint, second: Checkpoint) -> None:
     """Compare everything that a later run depends on."""
     assert first.agent_steps == second.agent_steps
-    assert first.run["episodes"] == second.path["episodes"]
-    assert first.run["seats"] == second.path["seats"]
-    assert first.run.get("league") == second.path.get("league")
+    assert first.run["episodes"] == second.run["episodes"]
+    assert first.run["seats"] == second.run["seats"]
+    assert first.run.get("league") == second.run.get("league")
     assert first.learners.keys() == second.learners.keys()
     pairs = [(first.league, second.league)]
     for name, learner in first.learners.items():

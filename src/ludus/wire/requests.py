@@ -45,7 +45,7 @@ def read_requests(value: Any) -> list[dict[str, Any]]:
         elif kind == "set_mode":
             reader.name("policy", MAX_TEXT_LENGTH)
             reader.choice("mode", MODES)
-    return value
+    return cast(list[dict[str, Any]], value)
 
 
 @dataclass(frozen=True)
