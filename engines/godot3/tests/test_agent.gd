@@ -87,6 +87,17 @@ func test_a_mask_without_its_method() -> void:
 	_check_warning(agent, "get_action_mask()")
 
 
+func test_agents_that_come_and_go_leave_nothing_behind() -> void:
+	var root := Node.new()
+	add(root)
+	var world := LudusWorld.of(root)
+	for i in 20:
+		var agent := StubAgent.new()
+		root.add_child(agent)
+		agent.free()
+	equal(world.newcomers.size(), 0, "newcomers")
+
+
 func _script(code: String) -> GDScript:
 	var script := GDScript.new()
 	script.source_code = code

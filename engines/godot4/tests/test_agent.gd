@@ -1,6 +1,7 @@
 extends "ludus_test.gd"
 ## Mistakes in a scene are told by the agent, in the editor and to the trainer.
 
+const LudusRoster := preload("res://addons/ludus/agent/roster.gd")
 const StubAgent := preload("stub_agent.gd")
 
 const GAME := """
@@ -89,6 +90,21 @@ func test_a_mask_without_its_method() -> void:
 	agent.has_action_mask = true
 	check("get_action_mask()" in agent.connect_to_game(), "connect_to_game")
 	_check_warnings(agent, ["get_action_mask()"])
+
+
+func test_agents_that_come_and_go_leave_nothing_behind() -> void:
+	var root := Node.new()
+	add(root)
+	LudusWorld.of(root)
+	var num_before := LudusRoster.agents.size()
+	LudusRoster.newcomers.clear()
+	for i: int in 20:
+		var agent := StubAgent.new()
+		root.add_child(agent)
+		check(LudusRoster.newcomers.has(agent), "it is new")
+		agent.free()
+	equal(LudusRoster.newcomers.size(), 0, "newcomers")
+	equal(LudusRoster.agents.size(), num_before, "agents")
 
 
 func _script(code: String) -> GDScript:

@@ -172,7 +172,7 @@ func test_by_hand_w_a_s_d_move_the_hero_and_with_shift_the_target() -> void:
 	var host := SCENE.instantiate() as LudusSimulationHost
 	add(host)
 	var game := host.simulation as FindCoin
-	var play := LudusManualPlay.new(tree)
+	var play := LudusManualPlay.new()
 	_tick(play, host)
 	game.map.clear()
 	for is_shifted: bool in [false, true]:
@@ -192,7 +192,7 @@ func test_by_hand_rounds_follow_each_other() -> void:
 	var host := SCENE.instantiate() as LudusSimulationHost
 	add(host)
 	var game := host.simulation as FindCoin
-	var play := LudusManualPlay.new(tree)
+	var play := LudusManualPlay.new()
 	for i: int in 3 * (FindCoin.NUM_ROUND_STEPS + 2):
 		_tick(play, host)
 	check(game.num_rounds >= 3, "rounds: %d" % game.num_rounds)

@@ -101,7 +101,7 @@ func test_every_episode_begins_in_the_room_and_all_doors_come_up() -> void:
 func test_by_hand_time_stands_still_until_a_key_is_pressed() -> void:
 	var game := _game({})
 	var agent := game.get_node("LudusAgent") as LudusAgent
-	var play := LudusManualPlay.new(tree)
+	var play := LudusManualPlay.new()
 	for i: int in 100 * agent.ticks_per_step:
 		play.advance()
 	equal([game.num_moves, agent.episode_steps], [0, 0], "nothing pressed")
@@ -120,7 +120,7 @@ func test_by_hand_time_stands_still_until_a_key_is_pressed() -> void:
 func test_by_hand_a_door_begins_a_new_episode() -> void:
 	var game := _game({})
 	var agent := game.get_node("LudusAgent") as LudusAgent
-	var play := LudusManualPlay.new(tree)
+	var play := LudusManualPlay.new()
 	_advance_step(play, agent)
 	game.has_key = true
 	game.hero = Vector2i(7, 1)

@@ -134,7 +134,7 @@ func test_entries_come_from_the_policy() -> void:
 
 func test_people_leave_such_agents_alone() -> void:
 	var agent := _agents(_golden("perceptron_tanh"), 1)[0]
-	var manual := LudusManualPlay.new(tree)
+	var manual := LudusManualPlay.new()
 	for tick: int in 4:
 		manual.advance()
 	equal(agent.num_resets, 0, "resets")

@@ -185,7 +185,7 @@ func test_a_lost_host_is_noticed() -> void:
 func test_a_person_plays() -> void:
 	var host := _host()
 	var simulation := _stub(host)
-	var manual := LudusManualPlay.new(tree)
+	var manual := LudusManualPlay.new()
 	simulation.wish = 3
 	for tick: int in 3:
 		manual.advance()

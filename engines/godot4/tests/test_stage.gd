@@ -84,9 +84,16 @@ func test_a_world_made_anew_keeps_its_place() -> void:
 		equal(world.num_episodes, 1, "episodes")
 
 
+func test_copies_without_spacing_are_further_apart_than_a_window_or_a_room() -> void:
+	var flat := _places(Node2D.new(), Vector3.ZERO, 4)
+	var width: int = ProjectSettings.get_setting("display/window/size/viewport_width")
+	var height: int = ProjectSettings.get_setting("display/window/size/viewport_height")
+	_check_apart(flat, 2.0 * Vector3(width, height, 0.0), 2)
+	_check_apart(_places(Node3D.new(), Vector3.ZERO, 4), LudusWorld.DISTANCE_3D, 2)
+
+
 func test_scenes_that_do_not_fit_the_grid() -> void:
 	_check_refused(_stage(Control.new(), Vector3.ONE, 2), "not Control")
-	_check_refused(_stage(Node3D.new(), Vector3.ZERO, 2), "spacing")
 	_check_refused(_stage(Node2D.new(), Vector3(0, 0, 9), 2), "spacing")
 	var settling := _stage(Node3D.new(), Vector3.ONE, 2, "grid", 0, 5)
 	_check_refused(settling, "settle_ticks")

@@ -104,7 +104,7 @@ func test_directions_of_the_chaser() -> void:
 
 func test_by_hand_both_begin_each_round_together() -> void:
 	var arena := _arena()
-	var play := LudusManualPlay.new(tree)
+	var play := LudusManualPlay.new()
 	var chaser := arena.get_node("Chaser") as Body
 	var runner := arena.get_node("Runner") as Body
 	var chaser_agent := chaser.get_node("LudusAgent") as LudusAgent

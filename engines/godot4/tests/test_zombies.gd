@@ -233,7 +233,7 @@ func test_by_hand_zombies_come_and_space_shoots() -> void:
 	var host := SCENE.instantiate() as LudusSimulationHost
 	add(host)
 	var game := host.simulation as Zombies
-	var play := LudusManualPlay.new(tree)
+	var play := LudusManualPlay.new()
 	_tick(play, host)
 	_line_up(game)
 	press(KEY_SPACE, true)

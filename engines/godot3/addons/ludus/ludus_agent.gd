@@ -78,6 +78,9 @@ func _enter_tree() -> void:
 
 
 func _exit_tree() -> void:
+	var own_world := LudusWorld.find_above(self)
+	if own_world != null:
+		own_world.newcomers.erase(self)
 	LudusWorld.announce(LudusWorld.LEAVERS)
 	note_change()
 

@@ -69,7 +69,7 @@ func build() -> bool:
 			_spaces.append(_add_space(world.is_drawn))
 		world.layout = layout
 		if layout == LudusWorld.Layout.GRID:
-			_place(root, i, worlds[0].spacing)
+			_place(root, i, worlds[0].distance_between_copies())
 		_spaces[-1].add_child(root)
 		if i > 0 and world.is_drawn and layout == LudusWorld.Layout.GRID:
 			_views.look_at_world(world, worlds[0])
@@ -88,7 +88,7 @@ func rebuild_world(i: int) -> LudusWorld:
 	worlds[i] = world
 	world.layout = layout
 	if layout == LudusWorld.Layout.GRID:
-		_place(root, i, world.spacing)
+		_place(root, i, world.distance_between_copies())
 	old.root.free()
 	space.add_child(root)
 	return world
@@ -174,7 +174,7 @@ func _choose_layout(world: LudusWorld, root: Node) -> bool:
 		error = "the grid needs a root that is a Node2D or Spatial, not %s" % root.get_class()
 	elif world.settle_ticks > 0:
 		error = "settle_ticks needs the isolated layout: in the grid no world can tick alone"
-	elif _num_worlds > 1 and _axes(root, world.spacing).empty():
+	elif _num_worlds > 1 and _axes(root, world.distance_between_copies()).empty():
 		error = "the grid needs LudusWorld.spacing, larger than anything in a world reaches"
 	return error.empty()
 

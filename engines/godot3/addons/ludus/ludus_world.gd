@@ -23,6 +23,7 @@ const META_NAME := "ludus_world"
 ## Odd 64-bit constants of splitmix64; they spread neighbouring seeds and episodes far apart.
 const SEED_FACTOR := -7046029254386353131
 const EPISODE_FACTOR := -4658895280553007687
+const DISTANCE_3D := Vector3(100.0, 0.0, 100.0)
 const NEWCOMERS := "newcomers"
 const LEAVERS := "leavers"
 ## What has happened in any world. Godot 3 has no static variables; what a constant dictionary holds
@@ -32,8 +33,8 @@ const _CHANGES := {NEWCOMERS: false, LEAVERS: false}
 ## How copies are kept apart.
 export(Layout) var layout: int = Layout.ISOLATED
 ## Distance between copies in the grid, in metres or pixels: larger than anything reaches.
-## An axis with 0 is not used.
-export var spacing: Vector3 = Vector3(100.0, 0.0, 100.0)
+## An axis with 0 is not used. All zero: 100 metres on x and z, or in 2D twice the window's size.
+export var spacing: Vector3 = Vector3.ZERO
 ## When an episode ends.
 export(Episode) var episode_mode: int = Episode.AGENT
 ## Ticks that pass between a reset and the first observation. Isolated layout only.
@@ -104,6 +105,17 @@ static func take_change(change: String) -> bool:
 	return true
 
 
+## How far apart copies lie in the grid.
+func distance_between_copies() -> Vector3:
+	if spacing != Vector3.ZERO:
+		return spacing
+	if not root is Node2D:
+		return DISTANCE_3D
+	var width: int = ProjectSettings.get_setting("display/window/size/width")
+	var height: int = ProjectSettings.get_setting("display/window/size/height")
+	return 2.0 * Vector3(width, height, 0.0)
+
+
 ## Makes this the world of everything under [param scene_root].
 func attach(scene_root: Node) -> void:
 	root = scene_root
@@ -156,8 +168,6 @@ func _get_configuration_warning() -> String:
 		warnings.append(
 			"settle_ticks needs the isolated layout: in the grid no world can tick alone."
 		)
-	if layout == Layout.GRID and spacing == Vector3.ZERO:
-		warnings.append("spacing is zero: all copies would lie in one place.")
 	if layout == Layout.GRID and not (owner is Node2D or owner is Spatial):
 		warnings.append("The grid needs a scene whose root is a Node2D or a Spatial.")
 	return warnings.join("\n")

@@ -11,17 +11,36 @@ enum Kind {
 }
 
 ## Key in the dictionary that a mixed action is.
-@export var name: String = "action"
+@export var name: String = "action":
+	set(value):
+		name = value
+		emit_changed()
 ## A choice, or numbers.
-@export var kind: Kind = Kind.DISCRETE
+@export var kind: Kind = Kind.DISCRETE:
+	set(value):
+		kind = value
+		notify_property_list_changed()
+		emit_changed()
 ## Number of alternatives of a choice.
-@export_range(1, 1048576) var n: int = 2
+@export_range(1, 1048576) var n: int = 2:
+	set(value):
+		n = value
+		emit_changed()
 ## Count of numbers.
-@export_range(1, 65536) var size: int = 1
+@export_range(1, 65536) var size: int = 1:
+	set(value):
+		size = value
+		emit_changed()
 ## Smallest value of each number.
-@export var low: float = -1.0
+@export var low: float = -1.0:
+	set(value):
+		low = value
+		emit_changed()
 ## Largest value of each number.
-@export var high: float = 1.0
+@export var high: float = 1.0:
+	set(value):
+		high = value
+		emit_changed()
 
 
 ## Makes a choice among [param alternatives] in code.
@@ -55,3 +74,13 @@ func to_json() -> Dictionary:
 	if kind == Kind.DISCRETE:
 		return {"name": name, "kind": "discrete", "n": n}
 	return {"name": name, "kind": "continuous", "size": size, "low": low, "high": high}
+
+
+## Hides what this kind has no use for.
+func _validate_property(property: Dictionary) -> void:
+	var property_name: StringName = property["name"]
+	var hidden: Array[StringName] = [&"n"]
+	if kind == Kind.DISCRETE:
+		hidden = [&"size", &"low", &"high"]
+	if property_name in hidden:
+		property["usage"] = PROPERTY_USAGE_NO_EDITOR

@@ -22,23 +22,33 @@ enum ActionTiming {
 }
 
 const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
+const LudusRoster := preload("res://addons/ludus/agent/roster.gd")
 
 const GROUP_NAME := &"ludus_agents"
 const REQUIRED_METHODS: Array[StringName] = [
 	&"apply_action", &"get_observation", &"get_reward", &"is_done", &"reset"
 ]
 
-## Goes up whenever an agent comes, goes, or is to be played by something else.
-static var num_changes: int = 0
-
 ## Agents with one policy name share a network.
-@export var policy_name: String = "agent"
+@export var policy_name: String = "agent":
+	set(value):
+		policy_name = value
+		update_configuration_warnings()
 ## The node that has the five methods; empty: the parent.
-@export var target_path: NodePath
+@export var target_path: NodePath:
+	set(value):
+		target_path = value
+		update_configuration_warnings()
 ## What the agent sees. Empty: taken from the first observation, as float32 without bounds.
-@export var observation: Array[LudusObservationEntry] = []
+@export var observation: Array[LudusObservationEntry] = []:
+	set(value):
+		observation = value
+		_watch(observation)
 ## What the agent decides.
-@export var action: Array[LudusActionComponent] = []
+@export var action: Array[LudusActionComponent] = []:
+	set(value):
+		action = value
+		_watch(action)
 ## Physics ticks per decision; the same for all agents of the game.
 @export_range(1, 1000) var ticks_per_step: int = 2
 ## Whether the game gets the action in every tick of a step or only in the first.
@@ -46,12 +56,15 @@ static var num_changes: int = 0
 ## Steps after which an episode is cut off (truncated); 0: never.
 @export_range(0, 1000000, 1, "or_greater") var max_episode_steps: int = 0
 ## Whether the game has [code]get_action_mask()[/code], one byte per alternative, 1 = allowed.
-@export var has_action_mask: bool = false
+@export var has_action_mask: bool = false:
+	set(value):
+		has_action_mask = value
+		update_configuration_warnings()
 ## An agent that is not enabled takes no part.
 @export var enabled: bool = true:
 	set(value):
 		enabled = value
-		num_changes += 1
+		LudusRoster.num_changes += 1
 ## Training settings of the policy; null: the trainer's choice.
 @export var settings: LudusPolicySettings
 @export_group("Play")
@@ -59,8 +72,8 @@ static var num_changes: int = 0
 @export var policy: LudusPolicy:
 	set(value):
 		policy = value
-		num_changes += 1
-		update_configuration_warnings()
+		LudusRoster.num_changes += 1
+		_watch([policy])
 ## Whether the policy draws its actions, as in training, instead of taking the most probable ones.
 @export var is_sampling: bool = false
 
@@ -82,16 +95,11 @@ var _manual_steps: int = 0
 
 func _enter_tree() -> void:
 	add_to_group(GROUP_NAME)
-	num_changes += 1
-	var own_world := LudusWorld.find_above(self)
-	if own_world != null:
-		own_world.newcomers.append(self)
-		LudusWorld.has_newcomers = true
+	LudusRoster.add(self)
 
 
 func _exit_tree() -> void:
-	LudusWorld.has_leavers = true
-	num_changes += 1
+	LudusRoster.remove(self)
 
 
 ## Finds target and world. Returns what is wrong with the agent, or an empty text.
@@ -114,6 +122,7 @@ func connect_to_game() -> String:
 func join_batch(batch: LudusPolicyBatch, slot: int) -> void:
 	_batch = batch
 	_slot = slot
+	LudusRoster.newcomers.erase(self)
 
 
 ## Whether the agent is about to leave the scene.
@@ -139,6 +148,16 @@ func has_manual_action() -> bool:
 func path_in_world() -> String:
 	var own_world := world if world != null else LudusWorld.find_above(self)
 	return str(own_world.root.get_path_to(self)) if own_world != null else str(get_path())
+
+
+## Looks at the warnings again whenever one of [param resources] changes, in the editor.
+func _watch(resources: Array) -> void:
+	if not Engine.is_editor_hint():
+		return
+	for resource: Resource in resources:
+		if resource != null and not resource.changed.is_connected(update_configuration_warnings):
+			resource.changed.connect(update_configuration_warnings)
+	update_configuration_warnings()
 
 
 func _find_target() -> Object:

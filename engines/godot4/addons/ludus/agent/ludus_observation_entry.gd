@@ -15,11 +15,20 @@ const DTYPE_NAMES: PackedStringArray = ["float32", "uint8", "int64"]
 const DTYPE_BYTES: PackedInt32Array = [4, 1, 8]
 
 ## Key in the dictionary that [code]get_observation()[/code] returns.
-@export var name: String = "observation"
+@export var name: String = "observation":
+	set(value):
+		name = value
+		emit_changed()
 ## Type of the elements.
-@export var dtype: DType = DType.FLOAT32
+@export var dtype: DType = DType.FLOAT32:
+	set(value):
+		dtype = value
+		emit_changed()
 ## Shape for one agent, for example [code][4][/code] or [code][84, 84, 3][/code].
-@export var shape: PackedInt32Array = [1]
+@export var shape: PackedInt32Array = [1]:
+	set(value):
+		shape = value
+		emit_changed()
 ## Smallest value of any element; -inf if unbounded.
 @export var low: float = -INF
 ## Largest value of any element; inf if unbounded.

@@ -360,7 +360,7 @@ func _handle_call() -> bool:
 
 func _start() -> void:
 	_phase = Phase.MANUAL
-	_manual = LudusManualPlay.new(get_tree())
+	_manual = LudusManualPlay.new()
 	_arguments = LudusArguments.read()
 	if not has_trainer_arguments() and _guidance.is_in_scene():
 		return

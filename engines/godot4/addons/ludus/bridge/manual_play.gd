@@ -3,27 +3,38 @@ extends RefCounted
 ## [code]get_manual_action()[/code] act on it, and begin anew when they are done. Agents with a
 ## policy are left to [LudusPolicyPlayer]. Of many worlds the first one is played.
 
-var _tree: SceneTree
+const LudusRoster := preload("res://addons/ludus/agent/roster.gd")
+
 var _tick: int = 0
+## Agents that people may play.
+var _agents: Array[LudusAgent] = []
+var _seen_changes: int = -1
 ## The action of each agent in its current step.
 var _actions: Dictionary[LudusAgent, Variant] = {}
 
 
-func _init(tree: SceneTree) -> void:
-	_tree = tree
-
-
 ## Plays one tick.
 func advance() -> void:
-	for node: Node in _tree.get_nodes_in_group(LudusAgent.GROUP_NAME):
-		var agent := node as LudusAgent
-		if agent == null or not agent.enabled or agent.policy != null:
-			continue
+	if _seen_changes != LudusRoster.num_changes:
+		_update_agents()
+	for agent: LudusAgent in _agents:
 		if agent.target == null:
 			_begin(agent)
 		elif agent.world.index == 0 and agent.has_manual_action() and agent.world.is_ready:
 			_play(agent)
 	_tick += 1
+
+
+func _update_agents() -> void:
+	_seen_changes = LudusRoster.num_changes
+	_agents.clear()
+	var kept: Dictionary[LudusAgent, Variant] = {}
+	for agent: LudusAgent in LudusRoster.agents:
+		if agent.enabled and agent.policy == null:
+			_agents.append(agent)
+			if _actions.has(agent):
+				kept[agent] = _actions[agent]
+	_actions = kept
 
 
 func _begin(agent: LudusAgent) -> void:

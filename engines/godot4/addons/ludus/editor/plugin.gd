@@ -8,12 +8,10 @@ const AUTOLOAD_NAME := "Ludus"
 const BRIDGE_PATH := "res://addons/ludus/bridge/ludus_bridge.gd"
 
 
-## A plugin that was switched on in the project file, by [code]ludus addon install[/code], never
-## gets [method _enable_plugin].
+## Adds no autoload: a person who has deleted it knows why. [code]ludus addon install[/code], after
+## which [method _enable_plugin] is never called, has put it into the project file.
 func _enter_tree() -> void:
 	_offer_python_setting()
-	if not ProjectSettings.has_setting("autoload/" + AUTOLOAD_NAME):
-		add_autoload_singleton(AUTOLOAD_NAME, BRIDGE_PATH)
 
 
 func _enable_plugin() -> void:

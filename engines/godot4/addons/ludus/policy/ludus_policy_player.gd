@@ -14,6 +14,7 @@ signal episode_ended(policy_name: String, agent: LudusAgent, episode_return: flo
 
 const LudusArguments := preload("res://addons/ludus/bridge/arguments.gd")
 const LudusPolicyGroup := preload("res://addons/ludus/policy/policy_group.gd")
+const LudusRoster := preload("res://addons/ludus/agent/roster.gd")
 
 var _arguments := LudusArguments.read()
 var _groups: Array[LudusPolicyGroup] = []
@@ -43,7 +44,7 @@ func advance() -> void:
 		return
 	if not _are_policies_loaded:
 		_load_policies()
-	if _seen_changes != LudusAgent.num_changes:
+	if _seen_changes != LudusRoster.num_changes:
 		_update_roster()
 	for group: LudusPolicyGroup in _groups:
 		if _is_due(group):
@@ -86,13 +87,12 @@ func _update_roster() -> void:
 				group.leave(slot)
 	_worlds = _worlds.filter(is_instance_valid)
 	var newcomers: Array[LudusAgent] = []
-	for node: Node in get_tree().get_nodes_in_group(LudusAgent.GROUP_NAME):
-		var agent := node as LudusAgent
-		if agent != null and _wants_to_play(agent):
+	for agent: LudusAgent in LudusRoster.agents:
+		if _wants_to_play(agent):
 			newcomers.append(agent)
 	_admit(newcomers)
 	# Whatever the game did to its agents until here is seen.
-	_seen_changes = LudusAgent.num_changes
+	_seen_changes = LudusRoster.num_changes
 
 
 func _wants_to_play(agent: LudusAgent) -> bool:

@@ -277,8 +277,8 @@ func _region() -> AABB:
 		if center == Vector3.ZERO:
 			center = Vector3(simulation.offset_2d.x, simulation.offset_2d.y, 0.0)
 		for axis: int in 3:
-			if world.spacing[axis] > 0.0:
-				size[axis] = world.spacing[axis]
+			if world.distance_between_copies()[axis] > 0.0:
+				size[axis] = world.distance_between_copies()[axis]
 	return AABB(center - size / 2.0, size)
 
 

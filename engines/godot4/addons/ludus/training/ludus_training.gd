@@ -62,10 +62,10 @@ static var _has_been_online: bool = false
 @export_group("Server")
 ## Where runs lie. Empty: [code]res://runs[/code] in the editor, [code]user://runs[/code] in an
 ## exported game.
-@export_global_dir var runs_folder: String = ""
+@export_dir var runs_folder: String = ""
 ## Where [method write_policies] puts the trained policies. Empty: [code]res://policies[/code] or
 ## [code]user://policies[/code].
-@export_global_dir var policies_folder: String = ""
+@export_dir var policies_folder: String = ""
 ## TCP port of [code]ludus serve[/code] on this machine.
 @export_range(1, 65535) var port: int = LudusWire.DEFAULT_PORT
 

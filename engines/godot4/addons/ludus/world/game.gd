@@ -4,6 +4,7 @@ extends RefCounted
 const LudusCameras := preload("res://addons/ludus/cameras/cameras.gd")
 const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
 const LudusSimulationBatch := preload("res://addons/ludus/simulation/simulation_batch.gd")
+const LudusRoster := preload("res://addons/ludus/agent/roster.gd")
 const LudusStage := preload("res://addons/ludus/world/stage.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
@@ -112,7 +113,7 @@ func collect() -> void:
 	_drop_leavers()
 	for policy: LudusPolicyBatch in policies:
 		policy.collect_outcomes()
-	if LudusWorld.has_newcomers:
+	if not LudusRoster.newcomers.is_empty():
 		_admit_newcomers()
 	var ended := PackedInt32Array()
 	for policy: LudusPolicyBatch in policies:
@@ -185,10 +186,9 @@ func find_target(target: Dictionary) -> Object:
 ## All agents of all worlds by policy, in slot order; null for spare slots.
 func _rosters() -> Dictionary:
 	var rosters := {}
-	LudusWorld.has_newcomers = false
+	LudusRoster.newcomers.clear()
 	for i: int in _stage.worlds.size():
 		var world := _stage.worlds[i]
-		world.newcomers.clear()
 		var by_policy := _agents_of(world)
 		if i == 0:
 			for name: String in by_policy:
@@ -312,7 +312,6 @@ func _is_complete(i: int) -> bool:
 
 func _replace_world(i: int) -> void:
 	var world := _stage.rebuild_world(i)
-	world.newcomers.clear()
 	var by_policy := _agents_of(world)
 	for policy: LudusPolicyBatch in policies:
 		var num_slots := _slots_per_world[policy.policy_name]
@@ -340,20 +339,18 @@ func _begin_episode(i: int) -> void:
 
 
 func _drop_leavers() -> void:
-	if not LudusWorld.has_leavers:
+	if not LudusRoster.has_leavers:
 		return
-	LudusWorld.has_leavers = false
+	LudusRoster.has_leavers = false
 	for policy: LudusPolicyBatch in policies:
 		policy.drop_leavers()
 
 
 func _admit_newcomers() -> void:
-	LudusWorld.has_newcomers = false
-	for i: int in _stage.worlds.size():
-		for agent: LudusAgent in _stage.worlds[i].newcomers:
-			if is_instance_valid(agent) and agent.enabled:
-				_admit(agent, i)
-		_stage.worlds[i].newcomers.clear()
+	for agent: LudusAgent in LudusRoster.take_newcomers():
+		var i := _stage.worlds.find(LudusWorld.find_above(agent))
+		if i >= 0 and agent.enabled:
+			_admit(agent, i)
 
 
 func _admit(agent: LudusAgent, i: int) -> void:

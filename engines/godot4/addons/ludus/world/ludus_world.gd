@@ -25,31 +25,31 @@ enum Episode {
 }
 
 const META_NAME := &"ludus_world"
+const DISTANCE_3D := Vector3(100.0, 0.0, 100.0)
 ## Odd 64-bit constants of splitmix64; they spread neighbouring seeds and episodes far apart.
 const SEED_FACTOR := -7046029254386353131
 const EPISODE_FACTOR := -4658895280553007687
 
-## Whether any world has newcomers.
-static var has_newcomers: bool = false
-## Whether any agent may have left the scene.
-static var has_leavers: bool = false
-
 ## How copies are kept apart.
-@export var layout: Layout = Layout.ISOLATED
+@export var layout: Layout = Layout.ISOLATED:
+	set(value):
+		layout = value
+		update_configuration_warnings()
 ## Distance between copies in the grid, in metres or pixels: larger than anything reaches.
-## An axis with 0 is not used.
-@export var spacing: Vector3 = Vector3(100.0, 0.0, 100.0)
+## An axis with 0 is not used. All zero: 100 metres on x and z, or in 2D twice the window's size.
+@export var spacing: Vector3 = Vector3.ZERO
 ## When an episode ends.
 @export var episode_mode: Episode = Episode.AGENT
 ## Ticks that pass between a reset and the first observation. Isolated layout only.
-@export_range(0, 10000) var settle_ticks: int = 0
+@export_range(0, 10000) var settle_ticks: int = 0:
+	set(value):
+		settle_ticks = value
+		update_configuration_warnings()
 ## Slots kept free for agents that join later: policy name to count.
 @export var spare_slots: Dictionary[String, int] = {}
 
 ## The world's random stream. Use nothing else for randomness in the game.
 var rng := RandomNumberGenerator.new()
-## Agents that entered the scene and have no slot yet.
-var newcomers: Array[LudusAgent] = []
 ## What the trainer chose for this world, by name; survives from episode to episode.
 var parameters: Dictionary = {}
 ## Index of this world among all worlds of all engines.
@@ -135,6 +135,17 @@ func set_seed(value: int) -> void:
 	num_episodes = 0
 
 
+## How far apart copies lie in the grid.
+func distance_between_copies() -> Vector3:
+	if not spacing.is_zero_approx():
+		return spacing
+	if root is not Node2D:
+		return DISTANCE_3D
+	var width: int = ProjectSettings.get_setting("display/window/size/viewport_width")
+	var height: int = ProjectSettings.get_setting("display/window/size/viewport_height")
+	return 2.0 * Vector3(width, height, 0.0)
+
+
 ## Moves the random stream to the next episode. The stream is a function of the seed and the number
 ## of the episode only (PROTOCOL.md §5).
 func begin_episode() -> void:
@@ -151,8 +162,6 @@ func _get_configuration_warnings() -> PackedStringArray:
 		warnings.append(
 			"settle_ticks needs the isolated layout: in the grid no world can tick alone."
 		)
-	if layout == Layout.GRID and spacing.is_zero_approx():
-		warnings.append("spacing is zero: all copies would lie in one place.")
 	if layout == Layout.GRID and not (owner is Node2D or owner is Node3D):
 		warnings.append("The grid needs a scene whose root is a Node2D or a Node3D.")
 	return warnings

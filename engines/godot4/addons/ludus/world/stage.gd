@@ -62,7 +62,7 @@ func build() -> bool:
 			_spaces.append(_add_space(i < _num_views))
 		world.layout = layout
 		if layout == LudusWorld.Layout.GRID:
-			_place(root, i, worlds[0].spacing)
+			_place(root, i, worlds[0].distance_between_copies())
 		_spaces[-1].add_child(root)
 		if i > 0 and i < _num_views and layout == LudusWorld.Layout.GRID:
 			_views.look_at_world(world, worlds[0])
@@ -83,7 +83,7 @@ func rebuild_world(i: int) -> LudusWorld:
 	worlds[i] = world
 	world.layout = layout
 	if layout == LudusWorld.Layout.GRID:
-		_place(root, i, world.spacing)
+		_place(root, i, world.distance_between_copies())
 	old.root.free()
 	space.add_child(root)
 	return world
@@ -147,7 +147,7 @@ func _choose_layout(world: LudusWorld, root: Node) -> bool:
 		error = "the grid needs a scene whose root is a Node2D or Node3D, not %s" % root.get_class()
 	elif world.settle_ticks > 0:
 		error = "settle_ticks needs the isolated layout: in the grid no world can tick alone"
-	elif _num_worlds > 1 and _axes(root, world.spacing).is_empty():
+	elif _num_worlds > 1 and _axes(root, world.distance_between_copies()).is_empty():
 		error = "the grid needs LudusWorld.spacing, larger than anything in a world reaches"
 	return error.is_empty()
 

@@ -1,0 +1,210 @@
+"""The add-on in the editor: what a real editor process shows, hides and writes."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ludus.addon import ADDON_PATH
+from ludus.engine import (
+    EngineKind,
+    EngineProcess,
+    LaunchConfig,
+    ensure_imported,
+    find_engine,
+    read_project,
+)
+from tests.godot_project import AGENT_SCENE, write_project
+
+pytestmark = pytest.mark.engine
+
+TIMEOUT_S = 120.0
+GAME = """\
+extends Node2D
+func apply_action(_action: int) -> void:
+	pass
+func get_observation() -> PackedFloat32Array:
+	return [0.0]
+func get_reward() -> float:
+	return 0.0
+func is_done() -> bool:
+	return false
+func reset() -> void:
+	pass
+"""
+PROBE_PLUGIN = """\
+[plugin]
+
+name="Probe"
+description=""
+author=""
+version="1"
+script="probe.gd"
+"""
+PROBE = """\
+@tool
+extends EditorPlugin
+func _ready() -> void:
+	if not ResourceLoader.exists("res://look.gd"):
+		return
+	await get_tree().create_timer(0.5).timeout
+	var look: RefCounted = load("res://look.gd").new()
+	await look.look()
+	print("PROBE ", JSON.stringify(look.result))
+	get_tree().quit()
+"""
+LOOK = """\
+@tool
+extends RefCounted
+var result := {}
+var tree: SceneTree = Engine.get_main_loop()
+"""
+PLUGINS = """\
+[editor_plugins]
+
+enabled=PackedStringArray("res://addons/probe/plugin.cfg")
+"""
+
+
+@pytest.fixture(scope="module")
+def imported(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project with the add-on, and a plugin that runs ``look.gd`` in the editor."""
+    folder = tmp_path_factory.mktemp("editor") / "game"
+    probe = folder / "addons" / "probe"
+    probe.mkdir(parents=True)
+    (probe / "plugin.cfg").write_text(PROBE_PLUGIN)
+    (probe / "probe.gd").write_text(PROBE)
+    scene = AGENT_SCENE["godot4"].format(script="game", root="Node2D")
+    files = {"game.gd": GAME, "game.tscn": scene}
+    write_project(folder, files, main="game", more=PLUGINS)
+    ensure_imported(find_engine(EngineKind.GODOT4), read_project(folder))
+    return folder
+
+
+@pytest.fixture
+def project(imported: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(imported, tmp_path / "game")
+
+
+def look(project: Path, script: str) -> dict[str, Any]:
+    """Open a project in the editor, and return what GDScript puts into ``result`` there."""
+    (project / "look.gd").write_text(LOOK + script)
+    godot = str(find_engine(EngineKind.GODOT4).executable(headless=True))
+    command = (godot, "--headless", "--editor", "--path", str(project))
+    with EngineProcess.start(LaunchConfig(command=command)) as process:
+        assert process.wait(TIMEOUT_S) == 0, process.describe_death()
+        lines = process.last_lines()
+    results = [line for line in lines if line.startswith("PROBE ")]
+    assert results, "\n".join(lines)
+    assert not [line for line in lines if "SCRIPT ERROR" in line], "\n".join(lines)
+    return json.loads(results[0].removeprefix("PROBE "))
+
+
+WARNINGS = """\
+func look() -> void:
+	EditorInterface.open_scene_from_path("res://game.tscn")
+	await tree.process_frame
+	var root := EditorInterface.get_edited_scene_root()
+	var agent: LudusAgent = root.get_node("LudusAgent")
+	var world := LudusWorld.new()
+	root.add_child(world)
+	world.owner = root
+	var seen: Array[Node] = []
+	tree.node_configuration_warning_changed.connect(seen.append)
+	var component := agent.action[0]
+	var changes: Dictionary[String, Callable] = {
+		"policy_name": func() -> void: agent.policy_name = "",
+		"target_path": func() -> void: agent.target_path = ^"nowhere",
+		"action": func() -> void: agent.action = [],
+		"the action back": func() -> void: agent.action = [component],
+		"kind of the component": func() -> void: component.kind = 1,
+		"low of the component": func() -> void: component.low = 5.0,
+		"name of the component": func() -> void: component.name = "steer",
+		"observation": func() -> void: agent.observation = [null],
+		"has_action_mask": func() -> void: agent.has_action_mask = true,
+		"policy": func() -> void: agent.policy = LudusPolicy.new(),
+		"model of the policy": func() -> void: agent.policy.model = null,
+		"settle_ticks of the world": func() -> void: world.settle_ticks = 3,
+		"layout of the world": func() -> void: world.layout = LudusWorld.Layout.GRID,
+	}
+	for what: String in changes:
+		seen.clear()
+		changes[what].call()
+		await tree.process_frame
+		result[what] = seen.has(world if "world" in what else agent)
+	result["warnings"] = agent._get_configuration_warnings() + world._get_configuration_warnings()
+"""
+
+
+def test_warnings_follow_every_change_of_a_property(project: Path) -> None:
+    result = look(project, WARNINGS)
+    warnings = "\n".join(result.pop("warnings"))
+    assert [what for what, has_followed in result.items() if not has_followed] == []
+    for part in ("policy_name is empty", "target_path", "low must be below high", "settle_ticks"):
+        assert part in warnings
+
+
+SHOWN = """\
+func shown(object: Object) -> Array:
+	var names := []
+	for property: Dictionary in object.get_property_list():
+		var usage: int = property["usage"]
+		if usage & PROPERTY_USAGE_SCRIPT_VARIABLE and usage & PROPERTY_USAGE_EDITOR:
+			names.append(property["name"])
+	return names
+func look() -> void:
+	result["discrete"] = shown(LudusActionComponent.discrete("jump", 3))
+	result["continuous"] = shown(LudusActionComponent.continuous("steer"))
+	var component := LudusActionComponent.continuous("steer", 2, -3.0, 4.0)
+	component.kind = LudusActionComponent.Kind.DISCRETE
+	ResourceSaver.save(component, "res://component.tres")
+	for property: Dictionary in LudusTraining.new().get_property_list():
+		if str(property["name"]).ends_with("_folder"):
+			result[property["name"]] = property["hint"]
+"""
+PROPERTY_HINT_DIR = 14
+
+
+def test_the_inspector_shows_what_a_component_uses(project: Path) -> None:
+    result = look(project, SHOWN)
+    assert result["discrete"] == ["name", "kind", "n"]
+    assert result["continuous"] == ["name", "kind", "size", "low", "high"]
+    assert "low = -3.0" in (project / "component.tres").read_text(), "what is hidden is kept"
+    assert result["runs_folder"] == result["policies_folder"] == PROPERTY_HINT_DIR, (
+        "a dialog that writes res:// paths, not those of one machine"
+    )
+
+
+AUTOLOAD = """\
+func look() -> void:
+	result["at the start"] = ProjectSettings.has_setting("autoload/Ludus")
+	EditorInterface.set_plugin_enabled("ludus", false)
+	result["disabled"] = ProjectSettings.has_setting("autoload/Ludus")
+	EditorInterface.set_plugin_enabled("ludus", true)
+	result["enabled"] = ProjectSettings.has_setting("autoload/Ludus")
+"""
+
+
+def test_the_plugin_adds_and_removes_the_autoload(project: Path) -> None:
+    expected = {"at the start": True, "disabled": False, "enabled": True}
+    assert look(project, AUTOLOAD) == expected
+
+
+def test_a_deleted_autoload_stays_deleted(project: Path) -> None:
+    settings = project / "project.godot"
+    before = settings.read_text()
+    settings.write_text(re.sub(r"^Ludus=.*\n", "", before, flags=re.MULTILINE))
+    assert settings.read_text() != before
+    assert look(project, AUTOLOAD)["at the start"] is False
+
+
+def test_icons_follow_scale_and_theme_of_the_editor(imported: Path) -> None:
+    icons = sorted((imported / ADDON_PATH / "icons").glob("*.svg.import"))
+    assert icons
+    plain = [icon.name for icon in icons if '"has_editor_variant": true' not in icon.read_text()]
+    assert plain == []
