@@ -72,29 +72,49 @@ def test_a_target_return_counts_steps(tmp_path: Path) -> None:
 
 
 @pytest.mark.libraries
-def test_a_killed_sweep_goes_on_with_the_trial_that_was_cut_off(tmp_path: Path) -> None:
+def test_the_median_of_several_seeds_counts(tmp_path: Path) -> None:
+    sweep = ludus.sweep(TARGET, SPACE, trials=2, seeds=3, runs=tmp_path, **SMALL)
+    for trial in sweep.trials:
+        runs = [trial.path, *(trial.path.with_name(f"{trial.path.name}-{n}") for n in (1, 2))]
+        configs = [json.loads((run / "config.json").read_bytes()) for run in runs]
+        assert [config["seed"] for config in configs] == [
+            5 + 3 * trial.number + n for n in range(3)
+        ]
+        assert {config["ppo"]["learning_rate"] for config in configs} == {
+            trial.values["ppo.learning_rate"]
+        }
+        returns = [ludus_metrics(run)[-1]["policies"]["agent"]["mean_return"] for run in runs]
+        assert trial.score == sorted(returns)[1]
+
+
+@pytest.mark.libraries
+@pytest.mark.parametrize(("seeds", "cut_off"), [(1, "trial-001"), (2, "trial-000-1")])
+def test_a_killed_sweep_goes_on_with_the_run_that_was_cut_off(
+    tmp_path: Path, seeds: int, cut_off: str
+) -> None:
     folder = tmp_path / "sweep"
     command = [
         sys.executable, "-m", "ludus", "sweep", TARGET, "--set", "ppo.learning_rate=log:1e-4:1e-1",
-        "--trials", "9", "--total-steps", "20000", "--num-worlds", "4", "--num-engines", "1",
+        "--trials", "9", "--seeds", str(seeds), "--total-steps", "20000",
+        "--num-worlds", "4", "--num-engines", "1",
         "--checkpoint-every-s", "none", "--checkpoint-every-updates", "1",
         "--runs", str(tmp_path), "--name", "sweep",
     ]  # fmt: skip
     with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
-        cut_off = folder / "trials" / "trial-001" / "checkpoints"
+        run = folder / "trials" / cut_off
         deadline = time.monotonic() + 120
-        while not len(list(cut_off.glob("step-*"))) > 1:
+        while not len(list(run.glob("checkpoints/step-*"))) > 1:
             assert process.poll() is None
             assert time.monotonic() < deadline
             time.sleep(0.02)
         os.kill(process.pid, signal.SIGKILL)
-    saved = max(int(path.name[5:]) for path in cut_off.glob("step-*"))
+    saved = max(int(path.name[5:]) for path in run.glob("checkpoints/step-*"))
     assert saved > 0
-    sweep = ludus.sweep(resume=folder, trials=2)
-    assert [trial.path.name for trial in sweep.trials] == ["trial-000", "trial-001"]
-    resumed = list((folder / "trials" / "trial-001").glob("events.out.tfevents*"))
-    assert len(resumed) == 2 or saved >= 20000
-    steps = [line["agent_steps"] for line in ludus_metrics(sweep.trials[1].path)]
+    sweep = ludus.sweep(resume=folder, trials=3 - seeds)
+    assert [trial.path.name for trial in sweep.trials] == ["trial-000", "trial-001"][: 3 - seeds]
+    assert len(list((folder / "trials" / "trial-000").glob("events.out.tfevents*"))) == 1
+    assert len(list(run.glob("events.out.tfevents*"))) == 2 or saved >= 20000
+    steps = [line["agent_steps"] for line in ludus_metrics(run)]
     assert steps == sorted(set(steps))
     assert steps[-1] >= 20000
 
@@ -112,7 +132,7 @@ def test_the_command_prints_a_table(tmp_path: Path, capsys: pytest.CaptureFixtur
     ])  # fmt: skip
     printed = capsys.readouterr()
     assert code == 0, printed.err
-    assert "0 (as set)" in printed.out
+    assert "trial 0 has the settings as they are" in printed.out
     assert "trial 1: " in printed.err
     (folder,) = tmp_path.glob("sweep-CartPole-v1-*")
     assert f"sweep: {folder}" in printed.out.replace("\n", "")

@@ -19,6 +19,7 @@ def sweep(
     space: Mapping[str, str] | None = None,
     *,
     trials: int = 30,
+    seeds: int = 1,
     objective: Objective | None = None,
     config: str | Path | None = None,
     resume: str | Path | None = None,
@@ -37,6 +38,7 @@ def sweep(
         space: What is varied: dotted names of settings to ``LOW:HIGH``, ``log:LOW:HIGH`` or
             ``A,B,C``.
         trials: How many in all, those of a resumed sweep included.
+        seeds: Runs of each trial, with another seed each; their median counts.
         objective: ``"return"`` looks for the highest mean return at the end, ``"steps"`` for the
             fewest agent steps until ``target_return``; None is ``"steps"`` where there is one.
         config: TOML file with settings, or the ``config.json`` of a run.
@@ -53,6 +55,8 @@ def sweep(
     named = {"target": str(target)} if target else {}
     last = Layer(PYTHON, {**named, **plain_settings(settings)})
     layers = stack_layers(last, config=None if config is None else Path(config))
-    varied = None if resume is not None else SweepConfig(dict(space or {}), layers, objective)
+    varied = (
+        None if resume is not None else SweepConfig(dict(space or {}), layers, objective, seeds)
+    )
     folder = None if resume is None else Path(resume)
     return run_sweep(varied, trials, resume=folder, on_trial=on_trial)

@@ -36,6 +36,8 @@ class SweepCommand(TrainCommand):
         set: A setting to vary: --set ppo.learning_rate=log:1e-5:1e-2, --set ppo.epochs=1:8 or
             --set ppo.activation=tanh,relu; may be given several times.
         trials: Trials in all.
+        seeds: Runs of each trial, with another seed each; their median counts. One lucky run is
+            easily the best of many that are no better.
         objective: "return" looks for the highest mean return at the end, "steps" for the fewest
             agent steps until target_return; none is steps where there is a target_return.
         resume: Folder of a sweep to go on with.
@@ -47,6 +49,7 @@ class SweepCommand(TrainCommand):
         tyro.conf.arg(name="set", metavar="NAME=VALUES"),
     ] = ()
     trials: int = 30
+    seeds: int = 1
     objective: Literal["return", "steps"] | None = None
     explain: tyro.conf.Suppress[bool] = False
 
@@ -71,7 +74,7 @@ def run(command: SweepCommand) -> int:
     space = dict(_split(text) for text in command.varied)
     config = None
     if command.resume is None:
-        config = SweepConfig(space, command.layers, command.objective)
+        config = SweepConfig(space, command.layers, command.objective, command.seeds)
     sweep = run_sweep(config, command.trials, resume=command.resume, on_trial=_tell)
     if command.json:
         trials = [{**vars(trial), "path": str(trial.path)} for trial in sweep.trials]
@@ -111,19 +114,21 @@ def _table(sweep: Sweep) -> Table:
     heading = {"return": "mean return", "steps": "agent steps"}[sweep.objective]
     best = sweep.best
     names = list(dict.fromkeys(name for trial in sweep.trials for name in trial.values))
-    table = Table(title=f"{len(sweep.trials)} trials", title_justify="left")
-    for column in ("trial", heading, "", *names):
-        table.add_column(column, justify="left" if column in names else "right")
+    title = f"{len(sweep.trials)} trials; trial 0 has the settings as they are"
+    table = Table(title=title, title_justify="left")
+    for column in ("trial", heading):
+        table.add_column(column, justify="right", no_wrap=True)
+    for name in names:
+        table.add_column(name, overflow="fold")
     down = sweep.objective == "return"
     ranked = sorted(sweep.trials, key=lambda trial: _rank(trial, down=down))
     for trial in ranked:
-        number = f"{trial.number} (as set)" if trial.number == 0 else str(trial.number)
         cells = [_figure(trial.values.get(name)) for name in names]
-        score = "" if trial.score is None or trial.reached is False else _figure(trial.score)
-        note = "not reached" if trial.reached is False else trial.state
-        note = "" if note == "complete" else note
+        score = _figure(trial.score)
+        if trial.state != "complete" or trial.reached is False:
+            score = "not reached" if trial.state == "complete" else trial.state
         style = "bold" if best is not None and trial.number == best.number else None
-        table.add_row(number, score, note, *cells, style=style)
+        table.add_row(str(trial.number), score, *cells, style=style)
     return table
 
 
@@ -133,4 +138,7 @@ def _rank(trial: Trial, *, down: bool) -> tuple[bool, float]:
 
 
 def _figure(value: Any) -> str:
-    return f"{value:,.4g}" if isinstance(value, float) else str(value)
+    is_large = isinstance(value, float) and value >= 1e4  # agent steps
+    return (
+        f"{value:,.0f}" if is_large else f"{value:.3g}" if isinstance(value, float) else str(value)
+    )

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["draw_sweep"]
 
 BLUE, ORANGE, PALE = "#2563eb", "#ea580c", "#9ca3af"
+MOST_IN_A_ROW = 4
 LABELS = {"return": "mean return", "steps": "agent steps"}
 
 
@@ -33,13 +34,18 @@ def draw_sweep(picture: Path, sweep: Sweep, space: Mapping[str, Domain]) -> None
     from matplotlib.figure import Figure
 
     trials = [trial for trial in sweep.trials if trial.score is not None]
-    figure: Any = Figure(figsize=(4 * (1 + len(space)), 3.6), dpi=130, layout="constrained")
-    axes = figure.subplots(1, 1 + len(space), sharey=True, squeeze=False)[0]
+    width = min(1 + len(space), MOST_IN_A_ROW)
+    height = -(-(1 + len(space)) // width)
+    figure: Any = Figure(figsize=(4 * width, 3.4 * height), dpi=110, layout="constrained")
+    axes = figure.subplots(height, width, sharey=True, squeeze=False).flatten()
+    for unused in axes[1 + len(space) :]:
+        unused.remove()
     _scatter(axes[0], [trial.number for trial in trials], trials, sweep)
     axes[0].plot(*_best_so_far(trials, sweep), color=ORANGE, linewidth=1.5, drawstyle="steps-post")
     axes[0].set_xlabel("trial")
-    axes[0].set_ylabel(LABELS[sweep.objective])
-    for axis, (name, domain) in zip(axes[1:], space.items(), strict=True):
+    for axis in axes[::width]:
+        axis.set_ylabel(LABELS[sweep.objective])
+    for axis, (name, domain) in zip(axes[1:], space.items(), strict=False):
         places = [trial.values.get(name) for trial in trials]
         if isinstance(domain, Choice):
             texts = list(domain.texts)

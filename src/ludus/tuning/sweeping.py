@@ -5,7 +5,7 @@
     runs/sweep-<target>-<date>/
         sweep.json          what is varied, and the settings of all trials
         study.db            Optuna's study
-        trials/trial-000/   the run of each trial
+        trials/trial-000/   the run of each trial; with several seeds also trial-000-1 and so on
         best.toml           the best settings, for ``ludus train --config``
         sweep.png           scores by trial and by setting
 
@@ -18,7 +18,7 @@ from __future__ import annotations
 import json
 import logging
 import time
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -61,11 +61,14 @@ class SweepConfig:
             ``A,B,C``.
         layers: Settings of all trials.
         objective: What is better; None: ``steps`` where the settings have a ``target_return``.
+        seeds: Runs of each trial, at least 1; each has another seed, and their median counts. One
+            lucky run is easily the best of many that are no better.
     """
 
     space: Mapping[str, str]
     layers: tuple[Layer, ...]
     objective: Objective | None = None
+    seeds: int = 1
 
 
 @dataclass(frozen=True)
@@ -76,9 +79,10 @@ class Trial:
         number: From 0; 0 has the settings as they are.
         values: What was varied, by dotted name.
         state: ``complete``, ``pruned`` (ended early, as it was worse than others) or ``failed``.
-        score: Mean return or agent steps; None if it failed.
-        reached: Whether every policy reached ``target_return``; None without one.
-        path: Folder of the run.
+        score: Mean return or agent steps, the median over its seeds; None if it failed.
+        reached: Whether every policy reached ``target_return`` in more than half of its runs; None
+            without one.
+        path: Folder of the run; with several seeds, of the first.
     """
 
     number: int
@@ -124,7 +128,12 @@ class _Watch:
     total_steps: int
     sign: float
     is_pruned: bool = False
+    _run: int = field(default=0)
     _reported: int = field(default=0)
+
+    def begin(self, run: int) -> None:
+        """Watch the next run of the trial, which is compared with those at the same place."""
+        self._run, self._reported = run, 0
 
     def on_update(self, training: Training) -> None:
         progress = training.progress
@@ -134,7 +143,8 @@ class _Watch:
         if None in returns or part <= self._reported:
             return
         self._reported = part
-        self.trial.report(self.sign * float(np.mean([value or 0.0 for value in returns])), part)
+        mean = float(np.mean([value or 0.0 for value in returns]))
+        self.trial.report(self.sign * mean, self._run * REPORTS + part)
         if self.trial.should_prune():
             self.is_pruned = True
             training.stop()
@@ -178,6 +188,7 @@ class _Runner:
         self._base = merge(config.layers)
         self._objective: Objective = _objective(config.objective, self._base)
         self._seed = self._base.seed or 0
+        self._seeds = config.seeds
         is_steps = self._objective == "steps"
         self._sign = -1.0 if is_steps else 1.0
         self._study: Any = optuna.create_study(
@@ -212,8 +223,7 @@ class _Runner:
         for trial in self._study.get_trials(states=(self._optuna.trial.TrialState.RUNNING,)):
             self._study.tell(trial.number, state=self._optuna.trial.TrialState.FAIL)
             self._study.set_user_attr(f"again-{trial.number}", True)
-            run = trial.user_attrs.get("run")
-            self._study.enqueue_trial(trial.params, user_attrs={"run": run} if run else None)
+            self._study.enqueue_trial(trial.params, user_attrs=trial.user_attrs)
 
     def _as_params(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return values as Optuna knows them."""
@@ -228,33 +238,45 @@ class _Runner:
         values = {name: domain.suggest(trial, name) for name, domain in self._space.items()}
         run = trial.user_attrs.get("run") or f"trial-{trial.number:03}"
         trial.set_user_attr("run", run)
+        outcomes: list[Any] = trial.user_attrs.get("outcomes", [])
         watch = _Watch(trial, self._base.total_steps, self._sign)
         try:
-            result = self._train(trial.number, run, values, watch)
+            while len(outcomes) < self._seeds and not watch.is_pruned:
+                watch.begin(len(outcomes))
+                result = self._train(trial.number, run, len(outcomes), values, watch)
+                if result.signum is not None:
+                    return result.signum  # the trial goes on when the sweep is resumed
+                outcomes.append(self._score(result))
+                trial.set_user_attr("outcomes", outcomes)
         except DivergenceError as error:
             log.warning("trial %d: %s", trial.number, error.message)
             self._study.tell(trial, state=self._optuna.trial.TrialState.FAIL)
-            result = None
-        if result is not None and result.signum is not None:
-            return result.signum  # the trial goes on when the sweep is resumed
-        if result is not None:
-            score, reached = self._score(result)
-            trial.set_user_attr("score", score)
-            trial.set_user_attr("reached", reached)
-            if watch.is_pruned:
-                self._study.tell(trial, state=self._optuna.trial.TrialState.PRUNED)
-            else:
-                self._study.tell(trial, score)
+        else:
+            self._tell(trial, outcomes, is_pruned=watch.is_pruned)
         if on_trial is not None:
             on_trial(self._trials()[-1])
         return None
 
-    def _train(self, number: int, run: str, values: Mapping[str, Any], watch: _Watch) -> RunResult:
+    def _tell(self, trial: Any, outcomes: Sequence[Any], *, is_pruned: bool) -> None:
+        """Record a trial that has ended, by the score and success of each of its runs."""
+        score = float(np.median([score for score, _ in outcomes]))
+        reached = [reached for _, reached in outcomes]
+        trial.set_user_attr("score", score)
+        trial.set_user_attr("reached", None if None in reached else sum(reached) > len(reached) / 2)
+        if is_pruned:
+            self._study.tell(trial, state=self._optuna.trial.TrialState.PRUNED)
+        else:
+            self._study.tell(trial, score)
+
+    def _train(
+        self, number: int, trial: str, run: int, values: Mapping[str, Any], watch: _Watch
+    ) -> RunResult:
         own = Layer(f"trial {number}", nest(values))
-        place: dict[str, Any] = {"runs": str(self._folder / "trials"), "name": run}
-        seed = self._seed + int(run.removeprefix("trial-"))
+        name = f"{trial}-{run}" if run else trial
+        place: dict[str, Any] = {"runs": str(self._folder / "trials"), "name": name}
+        seed = self._seed + int(trial.removeprefix("trial-")) * self._seeds + run
         place |= {"seed": seed, "evaluation_episodes": 0}
-        path = self._folder / "trials" / run
+        path = self._folder / "trials" / name
         has_begun = path.is_dir() and bool(RunFolder(path).checkpoints().paths())
         return train(
             (*self._layers, own, Layer("sweep", place)),
@@ -317,6 +339,8 @@ def _open_folder(config: SweepConfig | None, resume: Path | None) -> tuple[Path,
     assert config is not None
     if not config.space:
         raise ConfigError("a sweep needs settings to vary", "--set ppo.learning_rate=log:1e-5:1e-2")
+    if config.seeds < 1:
+        raise ConfigError(f"seeds must be at least 1, not {config.seeds}")
     read_space(config.space)
     base = merge(config.layers)
     _objective(config.objective, base)
@@ -325,6 +349,7 @@ def _open_folder(config: SweepConfig | None, resume: Path | None) -> tuple[Path,
     values = {
         "space": dict(config.space),
         "objective": config.objective,
+        "seeds": config.seeds,
         "layers": [
             {**vars(layer), "values": plain_settings(layer.values)} for layer in config.layers
         ],
@@ -344,7 +369,8 @@ def _read_config(folder: Path) -> SweepConfig:
     try:
         values: Any = json.loads((folder / "sweep.json").read_bytes())
         layers = tuple(Layer(**layer) for layer in values["layers"])
-        return SweepConfig(dict(values["space"]), layers, values["objective"])
+        seeds = values.get("seeds", 1)
+        return SweepConfig(dict(values["space"]), layers, values["objective"], seeds)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise RunError(
             f"{folder} is no sweep that can go on: {type(error).__name__}: {error}",
