@@ -26,10 +26,10 @@ from ludus.libraries.making import open_game, refuse_several_worlds
 from ludus.libraries.recipe import Recipe, reduce_env
 from ludus.libraries.rendering import Renderer
 from ludus.libraries.seeds import check_seed
-from ludus.libraries.spaces import action_space, observation_of, observation_space, to_action_batch
 from ludus.pool import EnginePool
 from ludus.spec import PolicySpec
 from ludus.spec.batch import ActionBatch, Batch, Batches
+from ludus.spec.spaces import action_space, observation_of, observation_space, to_action_batch
 
 try:
     from pettingzoo import ParallelEnv

@@ -26,11 +26,11 @@ from numpy.typing import NDArray
 from ludus.errors import UsageError
 from ludus.extras import missing_extra
 from ludus.libraries.making import open_game
-from ludus.libraries.spaces import action_space, observation_of, observation_space, to_action_batch
 from ludus.pettingzoo import LudusParallelEnv, parallel_env
 from ludus.pool import EnginePool
 from ludus.spec import PolicySpec
 from ludus.spec.batch import ActionBatch, Batches
+from ludus.spec.spaces import action_space, observation_of, observation_space, to_action_batch
 
 try:
     import torch

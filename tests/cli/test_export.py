@@ -13,6 +13,7 @@ import pytest
 
 from ludus.cli.main import main
 from ludus.engine.bundled import bundled_root
+from ludus.extras import install_hint
 from tests.export.trained_runs import MIXED, SIMPLE, make_policy, make_run
 
 FIGURE = r"(0|\d\.\de-\d+)"
@@ -75,7 +76,7 @@ def test_onnx_that_is_not_installed_is_named(run: Path) -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=run
     )
     assert done.returncode == 3, done.stderr
-    assert done.stderr == "error: onnx is not installed\nhint: pip install 'ludus-rl[export]'\n"
+    assert done.stderr == f"error: onnx is not installed\nhint: {install_hint('export')}\n"
     assert not list(run.glob("*.onnx"))
 
 

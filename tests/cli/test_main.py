@@ -13,6 +13,7 @@ import pytest
 
 from ludus.cli.main import COMMANDS, main
 from ludus.errors import CheckpointError, ConfigError, EngineCrashed, EngineNotFound
+from ludus.extras import install_hint
 
 
 @dataclass(frozen=True)
@@ -135,7 +136,7 @@ def test_a_missing_extra_is_named(command: Any, capsys: pytest.CaptureFixture[st
     command(raising(ModuleNotFoundError("No module named 'torch'", name="torch")))
     assert main(["bench"]) == 3
     error = capsys.readouterr().err
-    assert error == "error: torch is not installed\nhint: pip install 'ludus-rl[train]'\n"
+    assert error == f"error: torch is not installed\nhint: {install_hint('train')}\n"
 
 
 def test_ctrl_c(command: Any, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,6 +10,7 @@ import pytest
 from engine_fakes import fake_godot
 
 from ludus.engine.doctor import FindingStatus, doctor
+from ludus.extras import install_hint
 
 NAMES = [
     "python",
@@ -58,7 +59,7 @@ def test_doctor_names_missing_packages(bare_machine: Path, monkeypatch: pytest.M
     found = findings()
     assert found["cache"][0] is FindingStatus.WARN
     assert found["torch"][0] is FindingStatus.WARN
-    assert "ludus-rl[train]" in found["torch"][2]
+    assert install_hint("train") in found["torch"][2]
 
 
 def test_doctor_does_not_import_torch() -> None:

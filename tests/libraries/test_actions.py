@@ -9,7 +9,6 @@ import pytest
 from gymnasium import spaces
 
 from ludus.errors import ActionError
-from ludus.libraries.spaces import action_space, observation_space, to_action_batch
 from ludus.spec import (
     ActionComponent,
     AgentSpec,
@@ -18,6 +17,7 @@ from ludus.spec import (
     ObservationEntry,
     PolicySpec,
 )
+from ludus.spec.spaces import action_space, observation_space, to_action_batch
 
 TURN = DiscreteAction("turn", 3)
 JUMP = DiscreteAction("jump", 2)

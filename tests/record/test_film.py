@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ludus.errors import ConfigError, RunError, SetupError, UsageError
+from ludus.extras import install_hint
 from ludus.record import Film
 from ludus.record.film_kinds import choose_rate, film_kind
 from tests.record.games import HEIGHT, WIDTH, draw, frames_of, read_ticks, times_of
@@ -91,9 +92,9 @@ def test_what_cannot_be_written(films: Path, monkeypatch: pytest.MonkeyPatch) ->
     with pytest.raises(ConfigError, match="width"):
         Film(films / "film.mp4", width=1)
     monkeypatch.setattr("ludus.record.film.find_spec", _find_nothing)
-    with pytest.raises(SetupError, match="package av") as missing:
+    with pytest.raises(SetupError, match="av is not installed") as missing:
         Film(films / "film.mp4")
-    assert missing.value.hint == "pip install ludus-rl[record]"
+    assert missing.value.hint == install_hint("record")
 
 
 def test_rates_divide_that_of_the_game() -> None:

@@ -11,17 +11,17 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ludus.errors import ConfigError, UsageError
-from ludus.libraries.spaces import (
+from ludus.model import ModelRunner, read_model
+from ludus.networks.own_network import MakeNetwork
+from ludus.spec import PolicySpec
+from ludus.spec.batch import ActionBatch
+from ludus.spec.spaces import (
     FLAT_ENTRY,
     action_space,
     actions_of,
     is_flat,
     observation_space,
 )
-from ludus.model import ModelRunner, read_model
-from ludus.networks.own_network import MakeNetwork
-from ludus.spec import PolicySpec
-from ludus.spec.batch import ActionBatch
 from ludus.target import find_run
 
 __all__ = ["LoadedPolicy", "load_policy"]

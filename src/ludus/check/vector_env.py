@@ -70,7 +70,7 @@ class _Player:
 
 
 def _to_space(policy: PolicySpec, actions: ActionBatch) -> Any:
-    """Return actions in the form of the batched action space; see ``ludus.libraries.spaces``."""
+    """Return actions in the form of the batched action space; see ``ludus.spec.spaces``."""
     if not policy.continuous_size:
         return actions.discrete[:, 0] if policy.num_discrete == 1 else actions.discrete
     if not policy.num_discrete:

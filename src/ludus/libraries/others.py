@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ludus.errors import ArgumentError, UsageError
-from ludus.libraries.spaces import observation_of, to_action_batch
 from ludus.model import ModelRunner, read_model
 from ludus.play.players import FilePlayer, check_trained_for
 from ludus.play.random_actions import RandomActions
 from ludus.pool import EnginePool
 from ludus.spec import PolicySpec
 from ludus.spec.batch import ActionBatch, Batch, Batches
+from ludus.spec.spaces import observation_of, to_action_batch
 
 __all__ = ["OtherPolicies", "Player"]
 

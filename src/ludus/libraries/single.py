@@ -14,10 +14,10 @@ from ludus.libraries.others import OtherPolicies, Player
 from ludus.libraries.recipe import Recipe, reduce_env
 from ludus.libraries.rendering import Renderer
 from ludus.libraries.seeds import check_seed
-from ludus.libraries.spaces import action_space, observation_of, observation_space, to_action_batch
 from ludus.libraries.vector import choose_policy
 from ludus.pool import EnginePool
 from ludus.spec.batch import Batch, Batches
+from ludus.spec.spaces import action_space, observation_of, observation_space, to_action_batch
 
 __all__ = ["LudusEnv"]
 

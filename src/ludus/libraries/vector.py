@@ -16,10 +16,10 @@ from ludus.libraries.others import OtherPolicies, Player
 from ludus.libraries.recipe import Recipe, reduce_env
 from ludus.libraries.rendering import Renderer
 from ludus.libraries.seeds import Seeds, world_seeds
-from ludus.libraries.spaces import action_space, observation_of, observation_space, to_action_batch
 from ludus.pool import EnginePool
 from ludus.spec import PolicySpec
 from ludus.spec.batch import Batch
+from ludus.spec.spaces import action_space, observation_of, observation_space, to_action_batch
 from ludus.wire.reset import ResetAction, ResetRequest
 
 __all__ = ["LudusVectorEnv"]

@@ -17,7 +17,6 @@ from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
 from ludus.errors import ConfigError, EngineCrashed, RunError, SetupError
-from ludus.libraries.spaces import action_space, actions_of, observation_of, observation_space
 from ludus.play.hand import hand_player
 from ludus.play.interactive import require_screen
 from ludus.play.players import Act
@@ -27,6 +26,7 @@ from ludus.record.recording import RecordConfig, check_players, make_player, wit
 from ludus.session import LaunchOptions
 from ludus.spec import PolicySpec
 from ludus.spec.batch import ActionBatch, Batch
+from ludus.spec.spaces import action_space, actions_of, observation_of, observation_space
 from ludus.target import check_accepted, parse_target
 from ludus.version import __version__
 

@@ -23,6 +23,7 @@ from ludus.errors import (
     SequenceError,
     SetupError,
 )
+from ludus.extras import install_hint
 from ludus.legacy.gymgodot import making
 from tests.legacy.gymgodot.conftest import Opener, game_of, left_processes, running_game
 
@@ -195,7 +196,7 @@ def test_missing_package_names_the_extra(opener: Opener, monkeypatch: pytest.Mon
     monkeypatch.setattr(making, "find_spec", find_nothing)
     with pytest.raises(SetupError, match="websockets and pillow") as caught:
         opener.fake("walk")
-    assert "ludus-rl[gymgodot]" in caught.value.hint
+    assert caught.value.hint == install_hint("gymgodot")
 
 
 def test_an_interrupt_ends_the_game(opener: Opener) -> None:
