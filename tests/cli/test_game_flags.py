@@ -18,6 +18,8 @@ def test_commands_that_open_a_game_have_the_same_flags(
     assert main([command, "--help"]) == 0
     shown = capsys.readouterr().out
     for part in fields(GameConfig):
+        if part.name == "bridge":  # its settings are flags of their own
+            continue
         assert re.search(rf"--{part.name.replace('_', '-')}[ ,]", shown), part.name
     assert ("--worlds " in shown) == (command == "bench")
 

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from ludus.addon import install_addon
-from ludus.cli.main import COMMANDS
+from ludus.cli.main import COMMANDS, parse
 from ludus.engine import EngineKind, ensure_imported, find_engine, read_project
 from ludus.errors import LudusError
 
@@ -70,12 +70,7 @@ def test_a_documented_command_line_is_accepted(line: str) -> None:
         return
     module: Any = importlib.import_module(COMMANDS[name][0])
     try:
-        if hasattr(module, "parse"):
-            module.parse(arguments)
-        else:
-            import tyro
-
-            tyro.cli(module.COMMAND, args=arguments)
+        parse(module, name, arguments)
     except LudusError as error:  # no such run or file here; flags and values were all right
         assert any(given in error.message for given in arguments), error.message
 

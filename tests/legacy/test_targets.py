@@ -35,7 +35,7 @@ def test_every_bridge_is_known_to_the_commands() -> None:
         ({"wind": 1, "rain": 2}, "has no setting wind, rain"),
         ({"num_engines": 0}, "must be at least 1"),
         ({"max_episode_steps": 0}, "max_episode_steps must be at least 1 or none, not 0"),
-        ({"step_timeout_s": 1.0, "action_space": "left"}, "action_space must be one of"),
+        ({"step_timeout_s": 1.0, "action_space": "left"}, "action_space 'left' cannot be read"),
     ],
 )
 @pytest.mark.parametrize("prefix", SETTINGS)
@@ -52,7 +52,7 @@ def test_spaces_must_be_declared(prefix: str) -> None:
     with pytest.raises(ConfigError, match=r"action_space, observation_space.* must be given") as no:
         ludus.make(f"{prefix}nowhere")
     assert f"ludus.make('{prefix}PATH', action_space=…)" in no.value.hint
-    assert "gym:MODULE:ID" in no.value.hint
+    assert '--action-space "Discrete(2)"' in no.value.hint
 
 
 @pytest.mark.parametrize("address", ["nowhere", "", "127.0.0.1:65536", "127.0.0.1:"])
@@ -112,16 +112,26 @@ def test_settings_of_bridges_are_refused_elsewhere() -> None:
         ludus.open_pool("cartpole", config)
 
 
-@pytest.mark.parametrize("command", ["train", "play --headless --random", "check", "bench"])
+@pytest.mark.parametrize(
+    ("command", "hint"),
+    [
+        ("train", '--action-space "Discrete(2)"'),
+        ("check", '--action-space "Discrete(2)"'),
+        ("evaluate --random", '--action-space "Discrete(2)"'),
+        ("play --headless --random", "move the game to the add-on"),
+        ("bench", "move the game to the add-on"),
+    ],
+)
 @pytest.mark.parametrize("prefix", SETTINGS)
-def test_commands_point_to_gym_ids(
+def test_commands_say_what_is_missing(
     prefix: str,
     command: str,
+    hint: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main([*command.split(), f"{prefix}127.0.0.1:1"]) == 2
-    assert "gym:MODULE:ID" in capsys.readouterr().err
+    assert hint in capsys.readouterr().err
     assert list(tmp_path.rglob("*")) in ([], [tmp_path / "runs"])

@@ -33,11 +33,12 @@ def check_layouts(context: CheckContext) -> list[Finding]:
     other = "isolated" if own == "grid" else "grid"
     pools: dict[str, EnginePool] = {}
     with contextlib.ExitStack() as stack:
-        pools[own] = stack.enter_context(context.other_pool(num_worlds=num))
         try:
+            pools[own] = stack.enter_context(context.other_pool(num_worlds=num))
             pools[other] = stack.enter_context(context.other_pool(num_worlds=num, layout=other))
         except (TargetError, ConfigError) as error:
-            return [info(TITLE, f"this game does not run {LAYOUTS[other]}: {error.message}")]
+            how = LAYOUTS[other] if own in pools else f"in {num} worlds"
+            return [info(TITLE, f"this game does not run {how}: {error.message}")]
         isolated, grid = (
             record(pools[layout], context.config.seed, context.config.num_steps)
             for layout in LAYOUTS

@@ -10,13 +10,14 @@ from typing import Annotated
 import tyro
 
 from ludus.bench import BenchConfig, BenchReport, bench
+from ludus.cli.bridge_flags import BridgeFlags
 from ludus.settings.checks import AT_LEAST_1, setting
 
 __all__ = ["COMMAND", "BenchCommand", "run"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchCommand(BenchConfig):
+class BenchCommand(BridgeFlags, BenchConfig):
     """Measure how fast a game steps with random actions, and where the time goes.
 
     Bridged play and the ceiling (random actions drawn inside the engine, no socket) alternate;

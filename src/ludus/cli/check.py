@@ -10,6 +10,7 @@ from typing import Annotated
 import tyro
 
 from ludus.check import CheckConfig, run_checks
+from ludus.cli.bridge_flags import BridgeFlags
 from ludus.session import LaunchOptions
 from ludus.settings.checks import AT_LEAST_1, setting
 
@@ -17,10 +18,13 @@ __all__ = ["COMMAND", "CheckCommand", "run"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class CheckCommand(CheckConfig):
+class CheckCommand(BridgeFlags, CheckConfig):
     """Check that a game behaves as an environment: timing, seeds, determinism, observations.
 
     Exits with 1 if anything failed, with 0 otherwise.
+
+    A game of a legacy bridge takes the settings of the bridge as flags, too, such as
+    --action-space "Discrete(2)"; docs/targets.md lists them.
 
     Attributes:
         json: Print one JSON object on stdout.

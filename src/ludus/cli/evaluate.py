@@ -20,6 +20,9 @@ __all__ = ["COMMAND", "EvaluateCommand", "run"]
 class EvaluateCommand(ActionFlags, GameFlags):
     """Play complete episodes with trained agents, or at random, and report their returns.
 
+    A game of a legacy bridge takes the settings of the bridge as flags, too, such as
+    --action-space "Discrete(2)"; docs/targets.md lists them.
+
     Attributes:
         run: Run folder, whose newest checkpoint is used, or one of its checkpoints; with --policy
             or --random, a game works as well.

@@ -6,13 +6,14 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from ludus.cli.bridge_flags import BridgeFlags
 from ludus.settings.pool_config import Layout
 
 __all__ = ["GameFlags"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class GameFlags:
+class GameFlags(BridgeFlags):
     """Each is as in training unless given.
 
     Attributes:
@@ -42,6 +43,6 @@ class GameFlags:
 
     def given(self) -> dict[str, Any]:
         """Return the settings that were given."""
+        usual = GameFlags()
         values = {part.name: getattr(self, part.name) for part in fields(GameFlags)}
-        usual = {part.name: part.default for part in fields(GameFlags)}
-        return {name: value for name, value in values.items() if value != usual[name]}
+        return {name: value for name, value in values.items() if value != getattr(usual, name)}

@@ -21,6 +21,7 @@ import threading
 import traceback
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from types import FrameType
 from typing import Any, NoReturn
 
@@ -28,7 +29,7 @@ from ludus.errors import LudusError, UsageError, did_you_mean
 from ludus.extras import EXTRAS, missing_extra
 from ludus.version import __version__
 
-__all__ = ["COMMANDS", "main"]
+__all__ = ["COMMANDS", "main", "parse"]
 
 COMMANDS: dict[str, tuple[str, str]] = {
     "train": ("ludus.cli.train", "train agents in a game"),
@@ -117,7 +118,7 @@ def _dispatch(arguments: list[str]) -> int:
         raise UsageError(f"there is no command {name}", hint)
     module: Any = importlib.import_module(COMMANDS[name][0])
     given = _with_current_flags(arguments[1:], getattr(module, "RENAMED_FLAGS", {}))
-    return int(module.run(_parse(module, name, given)))
+    return int(module.run(parse(module, name, given)))
 
 
 def _with_current_flags(arguments: list[str], renamed: Mapping[str, str]) -> list[str]:
@@ -132,12 +133,18 @@ def _with_current_flags(arguments: list[str], renamed: Mapping[str, str]) -> lis
     return current
 
 
-def _parse(module: Any, name: str, arguments: list[str]) -> Any:
+def parse(module: Any, name: str, arguments: list[str]) -> Any:
+    """Return the command that a module makes of what was typed after its name."""
     if hasattr(module, "parse"):
         return module.parse(arguments)
     import tyro
 
-    return tyro.cli(module.COMMAND, args=arguments, prog=f"ludus {name}")
+    from ludus.cli.bridge_flags import take_bridge_flags
+
+    takes_bridges = "bridge" in getattr(module.COMMAND, "__dataclass_fields__", {})
+    rest, bridge = take_bridge_flags(arguments) if takes_bridges else (arguments, {})
+    command: Any = tyro.cli(module.COMMAND, args=rest, prog=f"ludus {name}")
+    return replace(command, bridge=bridge) if bridge else command
 
 
 def _after(text: str, hint: str, exit_code: int, is_debug: bool) -> int:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from ludus.cli.action_flags import ActionFlags
+from ludus.cli.bridge_flags import BridgeFlags
 from ludus.play.interactive import PlayConfig
 from ludus.settings.checks import AT_LEAST_1, optional, setting
 
@@ -22,7 +23,7 @@ HEADLESS_EPISODES = 10
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlayCommand(ActionFlags, PlayConfig):
+class PlayCommand(BridgeFlags, ActionFlags, PlayConfig):
     """Play a game in a window: with trained agents, at random, or by hand.
 
     With a run folder, the agents trained there play; with a game, you do, or chance with --random.

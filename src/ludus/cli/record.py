@@ -10,6 +10,7 @@ from typing import Annotated
 import tyro
 
 from ludus.cli.action_flags import ActionFlags
+from ludus.cli.bridge_flags import BridgeFlags
 from ludus.record import RecordConfig, record
 from ludus.settings.checks import ABOVE_0, AT_LEAST_1, optional, setting
 
@@ -17,11 +18,14 @@ __all__ = ["COMMAND", "RecordCommand", "run"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class RecordCommand(ActionFlags, RecordConfig):
+class RecordCommand(BridgeFlags, ActionFlags, RecordConfig):
     """Play a game in its own window and write a film of it, or a Minari dataset of its steps.
 
     Every frame of the game is filmed once, however slowly it is drawn. On a machine without a
     screen, Xvfb is started meanwhile. With a run folder, the agents trained there play.
+
+    A game of a legacy bridge takes the settings of the bridge as flags, too, such as
+    --action-space "Discrete(2)"; docs/targets.md lists them.
 
     Attributes:
         policy: Run folder or checkpoint of trained agents; or policy files (.ludus.json), each with

@@ -13,6 +13,7 @@ from typing import Annotated, Any, TypeVar, Union, get_type_hints
 
 import tyro
 
+from ludus.cli.bridge_flags import BridgeFlags, take_bridge_flags
 from ludus.settings.merging import Layer, merge, resolve
 from ludus.settings.policy_config import ALGORITHM_CONFIGS
 from ludus.settings.train_config import Phase, PPOConfig, SACConfig, TrainConfig
@@ -41,12 +42,15 @@ class _SACFlags(_Unchecked, SACConfig):
 
 
 @dataclass(frozen=True)
-class TrainCommand(_Unchecked, TrainConfig):
+class TrainCommand(_Unchecked, BridgeFlags, TrainConfig):
     """Train agents in a game, and leave a run folder with checkpoints, metrics and a curve.
 
     Settings come from the scene, then from --config, then from the command line; later ones win.
     --ppo.* and --sac.* set all policies of that algorithm, --policies.NAME.* one policy.
     Ctrl-C saves and stops.
+
+    A game of a legacy bridge takes the settings of the bridge as flags, too, such as
+    --action-space "Discrete(2)"; docs/targets.md lists them.
 
     Attributes:
         target: What to train in: an example, a project folder, a scene, an exported game, an
@@ -97,6 +101,7 @@ def parse_settings(
         kind: The command: this one, or one that has its flags, too.
         program: Its name.
     """
+    arguments, bridge = take_bridge_flags(arguments)
     flags = _flags(arguments)
     policies = {flag.split(".")[1]: _policy_flags() for flag in flags if _is_of_policy(flag)}
     command = tyro.cli(
@@ -105,7 +110,8 @@ def parse_settings(
         default=kind(policies=policies),
         prog=program,
     )
-    return command, Layer("command line", _typed(command, flags))
+    typed = _typed(command, flags) | ({"bridge": bridge} if bridge else {})
+    return command, Layer("command line", typed)
 
 
 def run(command: TrainCommand) -> int:

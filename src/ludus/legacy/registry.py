@@ -5,25 +5,33 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from importlib import import_module
-from typing import Any
+from typing import Any, get_type_hints
 
-from ludus.errors import ConfigError
+import gymnasium
+
+from ludus.errors import ConfigError, TargetError
 from ludus.legacy.addresses import GameAddress
 from ludus.legacy.game import LegacyGame
 from ludus.legacy.session import LegacySession
+from ludus.legacy.setting_text import read_setting
 
 __all__ = [
     "BRIDGES",
     "Bridge",
     "GameAddress",
-    "check_settings",
     "find_bridge",
+    "make_bridge_env",
     "open_bridge_session",
+    "read_settings",
 ]
 
 
 _NOT_OF_USERS = {"target", "log_path", "cores"}
 """Settings that follow from the target and the pool."""
+_FLAGS = {
+    "action_space": '--action-space "Discrete(2)"',
+    "observation_space": '--observation-space "Box(-inf, inf, (4,))"',
+}
 
 
 @dataclass(frozen=True)
@@ -48,6 +56,15 @@ class Bridge:
         """The module, which may need packages that not everybody has."""
         return import_module(self.module)
 
+    @property
+    def setting_names(self) -> list[str]:
+        """What a user can set."""
+        return [part.name for part in fields(self.code.Settings) if part.name not in _NOT_OF_USERS]
+
+    def is_switch(self, name: str) -> bool:
+        """Tell whether a setting is true or false."""
+        return get_type_hints(self.code.Settings)[name] is bool
+
     def place_of(self, target: str) -> str:
         """Return what follows the prefix."""
         return target.removeprefix(self.prefix)
@@ -70,14 +87,23 @@ def find_bridge(target: str) -> Bridge | None:
     return next((bridge for bridge in BRIDGES if target.startswith(bridge.prefix)), None)
 
 
-def check_settings(bridge: Bridge, settings: Mapping[str, Any]) -> None:
-    """Check that a bridge knows all settings, and has all that it needs.
+def read_settings(bridge: Bridge, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings of a user with texts read, such as those of a command line.
 
     Raises:
-        ConfigError: It does not, or has not.
+        ConfigError: The bridge does not know one, lacks one, or cannot read one.
     """
+    _check_names(bridge, settings)
+    hints = get_type_hints(bridge.code.Settings)
+    return {
+        name: read_setting(name, value, hints[name]) if isinstance(value, str) else value
+        for name, value in settings.items()
+    }
+
+
+def _check_names(bridge: Bridge, settings: Mapping[str, Any]) -> None:
     parts = fields(bridge.code.Settings)
-    known = [part.name for part in parts if part.name not in _NOT_OF_USERS]
+    known = bridge.setting_names
     unknown = [name for name in settings if name not in known]
     if unknown:
         raise ConfigError(
@@ -87,9 +113,29 @@ def check_settings(bridge: Bridge, settings: Mapping[str, Any]) -> None:
     if missing:
         raise ConfigError(
             f"{', '.join(missing)} must be given: games of this bridge do not report it",
-            hint=f"in Python ludus.make({bridge.form!r}, {missing[0]}=…); a command cannot know "
-            f"it: give the game an id and use gym:MODULE:ID, as {bridge.page} shows",
+            hint=f"{_FLAGS.get(missing[0], '--' + missing[0].replace('_', '-') + ' MODULE:NAME')}; "
+            f"in Python ludus.make({bridge.form!r}, {missing[0]}=…) ({bridge.page})",
         )
+
+
+def make_bridge_env(target: str, settings: Mapping[str, Any]) -> gymnasium.Env[Any, Any]:
+    """Return one game as an environment whose ``render`` returns frames.
+
+    Raises:
+        TargetError: The wire has no pictures of the screen.
+        ConfigError: A setting is unknown, missing or cannot be used.
+        EngineError: The game did not start, or never connected.
+    """
+    bridge = find_bridge(target)
+    assert bridge is not None, "a test holds the prefixes of targets and bridges together"
+    code = bridge.code
+    if not hasattr(code, "make_rendering"):
+        raise TargetError(
+            f"{target} cannot be filmed: the wire of {bridge.form} has no pictures of the screen",
+            hint="--dataset NAME-v0 records its steps",
+        )
+    address = GameAddress(address=bridge.place_of(target))
+    return code.make_rendering(address, code.Settings(**read_settings(bridge, settings)))
 
 
 def open_bridge_session(
@@ -106,7 +152,6 @@ def open_bridge_session(
         SetupError: A package or an engine is missing.
         EngineError: The game did not start, or never connected.
     """
-    check_settings(bridge, settings)
     code = bridge.code
-    game: LegacyGame = code.open_game(address, code.Settings(**settings))
+    game: LegacyGame = code.open_game(address, code.Settings(**read_settings(bridge, settings)))
     return LegacySession(game, max_episode_steps)

@@ -16,9 +16,9 @@ from ludus.errors import ConfigError
 from ludus.legacy.registry import (
     Bridge,
     GameAddress,
-    check_settings,
     find_bridge,
     open_bridge_session,
+    read_settings,
 )
 from ludus.pool.engine_pool import EnginePool
 from ludus.session import Session, open_session
@@ -135,7 +135,9 @@ def _open_environments(
 def _open_legacy_games(target: Legacy, config: PoolConfig) -> EnginePool:
     bridge = find_bridge(target.name)
     assert bridge is not None, "a test holds the prefixes of targets and bridges together"
-    check_settings(bridge, config.bridge)
+    if config.layout == "isolated":  # as it is anyway
+        config = replace(config, layout="scene")
+    settings = read_settings(bridge, config.bridge)
     _check_legacy(bridge, config)
     cores = _reserve_cores(config)
 
@@ -146,7 +148,7 @@ def _open_legacy_games(target: Legacy, config: PoolConfig) -> EnginePool:
             cores=cores.plan.engines[engine],
             log_path=_log_path(config, engine),
         )
-        return open_bridge_session(bridge, place, config.bridge, config.max_episode_steps)
+        return open_bridge_session(bridge, place, settings, config.max_episode_steps)
 
     return EnginePool(open_engine, config.num_engines, config.max_restarts, cores)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from fractions import Fraction
 from typing import Any
 
@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from ludus.errors import ConfigError, TargetError
 from ludus.folder_imports import look_in_current_folder
+from ludus.legacy.registry import make_bridge_env
 from ludus.play.players import MakePlayer
 from ludus.pool import EnginePool
 from ludus.record.film import Frame
 from ludus.record.shot import Shot
 from ludus.session.gymnasium_session import GymEnv, GymnasiumSession
 
-__all__ = ["env_rate", "film_gymnasium", "make_rendering"]
+__all__ = ["env_rate", "film_gymnasium", "make_rendering", "make_rendering_game"]
 
 RENDER_MODE = "rgb_array"
 
@@ -43,6 +44,22 @@ def make_rendering(env_id: str, max_episode_steps: int | None) -> GymEnv:
             f"Gymnasium cannot make {env_id!r} with render_mode={RENDER_MODE!r}: {error}",
             "MODULE:ENV_ID imports a module first; the environment must take a render_mode",
         ) from error
+
+
+def make_rendering_game(
+    target: str, settings: Mapping[str, Any], max_episode_steps: int | None
+) -> GymEnv:
+    """Start a game of a legacy bridge whose frames can be filmed; on a screen.
+
+    Raises:
+        TargetError: The bridge has no pictures, or there is no such game.
+        ConfigError: A setting of the bridge cannot be used.
+        EngineError: The game did not start, or never connected.
+    """
+    env = make_bridge_env(target, settings)
+    if max_episode_steps is None:
+        return env
+    return gymnasium.wrappers.TimeLimit(env, max_episode_steps)
 
 
 def env_rate(env: GymEnv) -> Fraction:

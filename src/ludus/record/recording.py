@@ -20,6 +20,7 @@ from ludus.settings.pool_config import GameConfig
 from ludus.target import (
     Executable,
     Gymnasium,
+    Legacy,
     Scene,
     check_accepted,
     find_run,
@@ -126,8 +127,8 @@ def record(config: RecordConfig) -> Recorded:
     target = parse_target(with_view(config.target), scene=config.scene, godot=config.godot)
     check_accepted("record", target)
     match prepare(target):
-        case Gymnasium() as environment:
-            return _record_gymnasium(config, environment)
+        case Gymnasium() | Legacy() as environment:
+            return _record_environment(config, environment)
         case Executable() as game:
             return _record_pictures(config, game)
         case Scene() as scene:
@@ -162,6 +163,8 @@ def with_run(config: RecordConfig) -> RecordConfig:
     names = ("godot", "ticks_per_step", "max_episode_steps", *(["scene"] if is_run else []))
     trained = trained_config(run, **{name: getattr(config, name) for name in names})
     changes = {name: getattr(trained, name) for name in names}
+    if is_run:
+        changes["bridge"] = {**trained.bridge, **config.bridge}
     return replace(config, target=trained.target if is_run else config.target, **changes)
 
 
@@ -214,12 +217,15 @@ def _record_pictures(config: RecordConfig, game: Executable) -> Recorded:
         )
 
 
-def _record_gymnasium(config: RecordConfig, target: Gymnasium) -> Recorded:
+def _record_environment(config: RecordConfig, target: Gymnasium | Legacy) -> Recorded:
     from ludus.record import gym_film
     from ludus.record.screen import screen
 
     with screen(), contextlib.ExitStack() as stack:
-        env = gym_film.make_rendering(target.env_id, config.max_episode_steps)
+        if isinstance(target, Gymnasium):
+            env = gym_film.make_rendering(target.env_id, config.max_episode_steps)
+        else:
+            env = gym_film.make_rendering_game(target.name, config.bridge, config.max_episode_steps)
         stack.callback(env.close)
         return _film(
             config,

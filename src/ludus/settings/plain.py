@@ -63,6 +63,8 @@ def merge_settings(config: Struct, values: Mapping[str, Any], where: str) -> Str
         elif isinstance(current, Settings):
             inner = as_mapping(value, name, where)
             changes[name] = merge_settings(current, inner, f"{where}: {name}")
+        elif name == "bridge":  # which checks its settings itself
+            changes[name] = {**current, **as_mapping(value, name, where)}
         else:
             changes[name] = _fit(value, hints[name], f"{where}: {name}")
     try:

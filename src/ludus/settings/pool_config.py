@@ -36,6 +36,9 @@ class GameConfig(Settings):
             chooses.
         token_file: File with the token, at least 16 characters, that a game on another machine was
             started with (--ludus-token-file); not needed for games on this machine.
+        bridge: Settings of a target that is a game of a legacy bridge, such as
+            ``{"action_space": "Discrete(2)"}``; a space may be an object of Gymnasium or a text.
+            :func:`ludus.make` and the commands take them by their own names.
     """
 
     scene: str | Path | None = None
@@ -47,6 +50,7 @@ class GameConfig(Settings):
     godot: Path | None = None
     is_pinned: bool = True
     token_file: Path | None = None
+    bridge: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,15 +64,12 @@ class PoolConfig(GameConfig):
             3000 where a core is left beside the engines, else 0. After six empty or interrupted
             polls, that side blocks for 0.1 s, doubling up to 1 s: another process needs the core.
         launch: How games are started and watched.
-        bridge: Settings of a target that is a game of a legacy bridge, such as
-            ``{"action_space": …}``; :func:`ludus.make` takes them by their own names.
     """
 
     log_dir: Path | None = None
     max_restarts: int = setting(DEFAULT_RESTARTS, AT_LEAST_0)
     spin_us: int | None = setting(None, optional(AT_LEAST_0))
     launch: LaunchOptions = field(default_factory=LaunchOptions)
-    bridge: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
     @classmethod
     def of(cls, config: GameConfig, **more: Any) -> PoolConfig:

@@ -44,10 +44,10 @@ _NO_CEILING = (
     "{target} has no engine whose ceiling could be measured",
     "name a game that Ludus opens itself",
 )
-_UNKNOWN_SPACES = (
-    "{target} is a game of a legacy bridge, which does not report its spaces",
-    "in Python: ludus.make({target!r}, action_space=…, observation_space=…, …); for a "
-    "command give the game an id: gym:MODULE:ID (docs/gymgodot.md, docs/godot_gym_api.md)",
+_DRAWN_BY_ITSELF = (
+    "{target} is a game of a legacy bridge, which {command} can neither pace nor measure",
+    "train, evaluate, check and record take it; for {command}, move the game to the add-on: "
+    "docs/gymgodot.md, docs/godot_gym_api.md, docs/bevy_rl.md",
 )
 
 Refusal = tuple[Collection[str], tuple[str, str]]
@@ -58,7 +58,7 @@ REFUSALS: dict[type[Target], tuple[Refusal, ...]] = {
     Address: ((("record",), _NOT_OURS_TO_FILM),),
     Play: ((("record",), _NOT_OURS_TO_FILM),),
     Gymnasium: ((("bench",), _NO_CEILING),),
-    Legacy: ((("train", "evaluate", "play", "record", "check", "bench"), _UNKNOWN_SPACES),),
+    Legacy: ((("play", "bench"), _DRAWN_BY_ITSELF),),
     Run: ((_OPENS_GAMES, _NEEDS_A_GAME),),
     PolicyFile: ((COMMANDS, _NEEDS_NO_POLICY),),
 }

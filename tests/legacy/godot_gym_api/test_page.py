@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -40,28 +41,6 @@ config_version=4
 config/name="From the page"
 run/main_scene="res://environment.tscn"
 """
-MODULE = """\
-import gymnasium
-import ludus
-{functions}
-gymnasium.register(
-    "MyGame-v0",
-    entry_point="ludus.legacy.godot_gym_api:make",
-    kwargs={{
-        "target": {target!r},
-        "engine_address": ("127.0.0.1", 0),
-        "action_space": gymnasium.spaces.Discrete(2),
-        "observation_space": gymnasium.spaces.Dict(
-            {{"place": gymnasium.spaces.Box(-9.0, 9.0, (1,))}}
-        ),
-        "get_observation": lambda state: {{"place": [state["agent"].place]}},
-        "get_reward": get_reward,
-        "is_terminated": is_terminated,
-    }},
-)
-"""
-
-
 SHORT = "512, evaluation_episodes=2"
 
 
@@ -120,12 +99,13 @@ def test_the_client(game: Path, capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.slow
 def test_it_can_be_trained(game: Path, tmp_path: Path) -> None:
     functions = "def get_reward" + blocks("python")[0].split("def get_reward")[1]
-    functions = functions.split("env = ")[0]
-    module = MODULE.format(functions=functions, target=str(game))
-    (tmp_path / "my_games.py").write_text(module)
-    (command,) = re.findall(r"^ludus (train gym:.*)$", PAGE, re.MULTILINE)
-    short = ["600", "--evaluation-episodes", "2", "--runs", str(tmp_path / "runs")]
-    arguments = [*cast(str, command).split()[:-1], *short]
+    (tmp_path / "my_rules.py").write_text(functions.split("env = ")[0])
+    (typed,) = re.findall(
+        r"^ludus (train godot_gym_api:.*)$", PAGE.replace("\\\n", ""), re.MULTILINE
+    )
+    arguments = shlex.split(cast(str, typed).replace("path/to/game", str(game)))
+    sizes = ["--ppo.rollout-steps", "64", "--evaluation-episodes", "2"]
+    arguments = [*arguments[:-1], "256", *sizes, "--runs", str(tmp_path / "runs")]
     done = subprocess.run(
         [str(Path(sys.executable).with_name("ludus")), *arguments],
         cwd=tmp_path,

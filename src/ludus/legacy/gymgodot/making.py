@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ludus.legacy.gymgodot.env import GymGodotEnv
     from ludus.legacy.gymgodot.game import GymGodotGame
 
-__all__ = ["Settings", "make", "open_game"]
+__all__ = ["Settings", "make", "make_rendering", "open_game"]
 
 _USUAL_STEP_LENGTH = 2
 """Frames of a step in GymGodot unless the scene says otherwise, which the wire does not tell."""
@@ -113,13 +113,30 @@ def make(
     return GymGodotEnv(game, frames, render_mode)
 
 
-def open_game(address: GameAddress, settings: Settings) -> GymGodotGame:
+def make_rendering(address: GameAddress, settings: Settings) -> GymGodotEnv:
+    """Start a game that draws, as an environment that returns its frames; errors as open_game."""
+    from ludus.legacy.gymgodot.env import GymGodotEnv
+    from ludus.legacy.gymgodot.frames import Frames
+
+    frames = Frames(None, are_read=True)
+    try:
+        game = open_game(address, replace(settings, window_render=True), frames.render_path)
+    except BaseException:
+        frames.close()
+        raise
+    return GymGodotEnv(game, frames, "rgb_array")
+
+
+def open_game(
+    address: GameAddress, settings: Settings, render_path: str | None = None
+) -> GymGodotGame:
     """Start a game, or wait until one has connected, for ``ludus.make("gymgodot:…")``.
 
     Args:
         address: A project or scene to start, or host and port at which Python waits for a game: one
             that ``exeCmd`` starts (port 0 takes a free one), or that somebody else starts.
         settings: Those of the user.
+        render_path: What the game puts before the number of a saved frame.
 
     Raises:
         ConfigError: A setting cannot be used.
@@ -140,7 +157,7 @@ def open_game(address: GameAddress, settings: Settings) -> GymGodotGame:
         has_free_port=launch.is_ours and port == 0,
         hint="name the project, gymgodot:PATH, or port 0 with exeCmd",
     )
-    return _open(f"gymgodot:{address.address}", settings, (host, port), launch)
+    return _open(f"gymgodot:{address.address}", settings, (host, port), launch, render_path)
 
 
 def _launch(settings: Settings, **more: Any) -> GameLaunch:
