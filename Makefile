@@ -93,7 +93,7 @@ PYTEST_PARALLEL = $(BIN)/pytest --numprocesses=2 --dist=loadfile --no-loadscope-
 # The last run names what was left out.
 test: renderers
 	@failed=0; set -x; \
-	$(BIN)/pytest -m 'alone and not bevy' || failed=1; \
+	$(BIN)/pytest -m 'alone and not bevy and not libraries' || failed=1; \
 	$(PYTEST_PARALLEL) -m 'not alone and not bevy and not libraries' || failed=1; \
 	exit $$failed
 
@@ -127,11 +127,12 @@ test-libraries: renderers $(LIBRARIES)/.ready
 	exit $$failed
 
 # One after the other: Cargo lets nobody else build meanwhile.
-test-bevy: cargo renderers
+test-bevy: cargo renderers $(LIBRARIES)/.ready
 	@$(MAKE) --no-print-directory bevy-test
 	@$(MAKE) --no-print-directory bevy-examples
-	$(BIN)/pytest -m 'bevy and alone'
-	$(PYTEST_PARALLEL) -m 'bevy and not alone'
+	$(BIN)/pytest -m 'bevy and alone and not libraries'
+	$(PYTEST_PARALLEL) -m 'bevy and not alone and not libraries'
+	$(LIBRARIES)/all/bin/pytest -m 'bevy and libraries'
 
 cargo:
 	@command -v cargo > /dev/null || { echo "the Bevy crates need Cargo: $(CARGO_HINT)"; exit 1; }

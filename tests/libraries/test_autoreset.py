@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -44,7 +44,11 @@ class Masked(gymnasium.Env[Any, Any]):
         return observation, float(action), *(self.np_random.random(2) < 0.2).tolist(), info
 
 
-gymnasium.register("MaskedImage-v0", Masked)
+@pytest.fixture(scope="module", autouse=True)
+def _masked() -> Iterator[None]:
+    gymnasium.register("MaskedImage-v0", Masked)
+    yield
+    del gymnasium.registry["MaskedImage-v0"]
 
 
 def both(env_id: str, mode: str) -> tuple[Any, Any]:

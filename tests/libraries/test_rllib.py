@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-ray: Any = pytest.importorskip("ray")
+pytest.importorskip("ray")
 
+import ray
 from ray.rllib.algorithms.ppo import PPOConfig
 from ray.rllib.env.multi_agent_env_runner import MultiAgentEnvRunner
 
@@ -81,7 +82,9 @@ def test_several_policies_are_several_modules() -> None:
 
 def test_what_the_runner_cannot_do_is_refused(tasks: Path) -> None:
     with pytest.raises(UsageError, match="observes several arrays"):
-        LudusEnvRunner(config=configure(tasks / "identity_mixed.tscn", 1, {"mixed"}), worker_index=0)
+        LudusEnvRunner(
+            config=configure(tasks / "identity_mixed.tscn", 1, {"mixed"}), worker_index=0
+        )
 
 
 def test_rllibs_own_runner_takes_the_environment() -> None:

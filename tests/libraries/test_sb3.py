@@ -9,6 +9,7 @@ import os
 import pickle
 import zipfile
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -67,8 +68,13 @@ class Pictures(gymnasium.Env[Any, Any]):
         return self.observation_space.sample(), 1.0, bool(self.np_random.random() < 0.2), False, {}
 
 
-gymnasium.register("Pictures-v0", Pictures)
-gymnasium.register("Picture-v0", lambda: gymnasium.wrappers.FilterObservation(Pictures(), ["eye"]))
+@pytest.fixture(scope="module", autouse=True)
+def _pictures() -> Iterator[None]:
+    only_eye = partial(gymnasium.wrappers.FilterObservation, filter_keys=["eye"])
+    gymnasium.register("Pictures-v0", Pictures)
+    gymnasium.register("Picture-v0", lambda: only_eye(Pictures()))
+    yield
+    del gymnasium.registry["Pictures-v0"], gymnasium.registry["Picture-v0"]
 
 
 @pytest.fixture(scope="module")
@@ -239,9 +245,7 @@ def test_a_pickle_among_the_fields_is_never_run(
     for field in ("policy_class", "policy_kwargs", "observation_space", "lr_schedule"):
         data[field] = {**(data[field] or {}), ":type:": "<class 'dict'>", ":serialized:": bomb}
     change_zip(saved, "data", json.dumps(data).encode())
-    exported = export_zip(
-        saved, cartpole.envs.policy, tmp_path / "a.ludus.json", is_tested=False
-    )
+    exported = export_zip(saved, cartpole.envs.policy, tmp_path / "a.ludus.json", is_tested=False)
     assert exported.path.exists()
     assert not (tmp_path / "exploded").exists()
     with pytest.raises(Exception, match=r".*"):  # SB3 itself runs it

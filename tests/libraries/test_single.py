@@ -160,6 +160,14 @@ def test_a_spec_needs_no_import_of_ludus(env: ludus.LudusEnv) -> None:
     np.testing.assert_allclose([float(word) for word in printed.split()], env.reset(seed=5)[0])
 
 
+def test_whoever_only_looks_for_gymnasium_leaves_the_ids_to_its_import() -> None:
+    text = "import ludus, sys; from importlib.util import find_spec; "
+    text += "assert find_spec('gymnasium') and 'gymnasium' not in sys.modules; "
+    text += "import gymnasium; print('ludus/CartPole-v0' in gymnasium.registry)"
+    command = [sys.executable, "-c", text]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "True\n"
+
+
 def test_unknown_settings_are_refused(oracle: Path) -> None:
     with pytest.raises(UsageError, match="unknown setting"):
         ludus.make(oracle, num_players=2)

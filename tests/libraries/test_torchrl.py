@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
-torchrl: Any = pytest.importorskip("torchrl")
+pytest.importorskip("torchrl")
 
 from torchrl.envs import check_env_specs
 from torchrl.envs.libs.gym import GymEnv, GymWrapper

@@ -43,7 +43,7 @@ def register_examples() -> None:
 
 
 class _GymnasiumFinder(importlib.abc.MetaPathFinder):
-    """Finds Gymnasium where it is, once, and has the environments registered after its import."""
+    """Finds Gymnasium where it is, and has the environments registered after its import."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -51,12 +51,17 @@ class _GymnasiumFinder(importlib.abc.MetaPathFinder):
         if fullname != "gymnasium":
             return None
         sys.meta_path.remove(self)
-        spec = importlib.util.find_spec(fullname)
+        try:
+            spec = importlib.util.find_spec(fullname)
+        finally:
+            # Who finds need not import: TorchRL only asks whether there is a Gymnasium.
+            sys.meta_path.insert(0, self)
         if spec is not None and spec.loader is not None:
             load = spec.loader.exec_module
 
             def load_and_register(module: ModuleType) -> None:
                 load(module)
+                sys.meta_path.remove(self)
                 _register()
 
             spec.loader.exec_module = load_and_register

@@ -84,6 +84,7 @@ class LudusVectorEnv(VectorEnv[Any, Any, Any]):
         self._shows_final = mode is AutoresetMode.SAME_STEP
         self._everywhere = np.ones(self.num_envs, np.bool_)
         self.metadata = {"autoreset_mode": mode, **self._renderer.metadata()}
+        self.autoreset_mode = mode  # where TorchRL looks, as SyncVectorEnv has it
         self.recipe: Recipe | None = None
 
     def reset(
