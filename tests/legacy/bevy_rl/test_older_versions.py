@@ -10,7 +10,7 @@ import threading
 from collections.abc import Generator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any
+from typing import Any, ClassVar
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
@@ -37,7 +37,7 @@ class _OldProgram(BaseHTTPRequestHandler):
     """
 
     protocol_version = "HTTP/1.1"
-    routes = {"/state": "GET", "/step": "GET", "/reset": "POST"}
+    routes: ClassVar[dict[str, str]] = {"/state": "GET", "/step": "GET", "/reset": "POST"}
     requests: list[str]
     place = 0
     next_place = 0
