@@ -208,3 +208,16 @@ def test_icons_follow_scale_and_theme_of_the_editor(imported: Path) -> None:
     assert icons
     plain = [icon.name for icon in icons if '"has_editor_variant": true' not in icon.read_text()]
     assert plain == []
+
+
+KEYS = """\
+func look() -> void:
+	var training: Script = load("res://addons/ludus/training/ludus_training.gd")
+	result["keys"] = training.get_property_default_value(&"keys").keys()
+"""
+
+
+def test_the_inspector_lists_the_keys_that_guide_training(project: Path) -> None:
+    keys = look(project, KEYS)["keys"]
+    assert len(keys) == 10
+    assert "ludus_start" in keys

@@ -104,31 +104,49 @@ func test_what_is_refused_is_shown() -> void:
 
 
 func test_keys_are_input_actions() -> void:
-	for action: StringName in LudusTrainingKeys.KEYS:
-		InputMap.erase_action(action)
-	LudusTrainingKeys.add_actions()
-	for action: StringName in LudusTrainingKeys.KEYS:
-		var keys: Array = LudusTrainingKeys.KEYS[action]
-		equal(InputMap.action_get_events(action).size(), keys.size(), str(action))
-	equal(LudusTrainingKeys.describe(ACTION), "3", "what people read")
+	_forget_actions()
+	LudusTrainingKeys.add_actions({})
+	for action: StringName in _training().keys:
+		equal(InputMap.action_get_events(action).size(), 1, str(action))
+	equal(LudusTrainingKeys.describe(ACTION), "Shift+F3", "what people read")
 
 
 func test_a_project_may_choose_other_keys() -> void:
-	InputMap.erase_action(ACTION)
+	_forget_actions()
 	InputMap.add_action(ACTION)
-	var event := InputEventKey.new()
-	event.keycode = KEY_T
-	InputMap.action_add_event(ACTION, event)
-	LudusTrainingKeys.add_actions()
-	equal(LudusTrainingKeys.describe(ACTION), "T", "the project's own key stays")
-	InputMap.erase_action(ACTION)
-	LudusTrainingKeys.add_actions()
+	InputMap.action_add_event(ACTION, _key(KEY_T))
+	LudusTrainingKeys.add_actions({ACTION: null})
+	equal(LudusTrainingKeys.describe(ACTION), "T", "the key of the project's input map")
+	LudusTrainingKeys.add_actions({ACTION: _key(KEY_F12)})
+	equal(LudusTrainingKeys.describe(ACTION), "F12", "the key that was chosen in the inspector")
+	_forget_actions()
+
+
+func test_no_usual_key_is_one_that_games_use() -> void:
+	_forget_actions()
+	LudusTrainingKeys.add_actions({})
+	for key: Key in [KEY_UP, KEY_ENTER, KEY_KP_ENTER, KEY_2, KEY_3, KEY_O, KEY_7, KEY_8, KEY_F1]:
+		for action: StringName in LudusTrainingKeys.USUAL_KEYS:
+			check(not _key(key).is_action(action), "%s is taken by %s" % [key, action])
+
+
+func test_keys_guide_the_training() -> void:
+	_forget_actions()
+	var training := _training()
+	training.keys = {ACTION: _key(KEY_T)}
+	add(training)
+	training.add_child(LudusTrainingKeys.new(training))
+	press(KEY_T, true)
+	check("no trainer" in training.message or "autoload" in training.message, training.message)
+	_forget_actions()
 
 
 func test_the_overlay_tells_what_people_need() -> void:
 	var training := _training()
 	training.has_keys = true
+	_forget_actions()
 	add(training)
+	LudusTrainingKeys.add_actions(training.keys)
 	var overlay := LudusTrainingOverlay.new(training)
 	training.add_child(overlay)
 	training.take_in(_status("training", "saved a checkpoint"))
@@ -138,7 +156,7 @@ func test_the_overlay_tells_what_people_need() -> void:
 		"training", "update 12", "123.5k steps", "hero", "frozen", "return 2.50", "saved a"
 	]:
 		check(part in text, "%s in %s" % [part, text])
-	check("Enter stop" in text, "the keys: " + text)
+	check("Shift+F4 stop" in text, "the keys: " + text)
 
 
 func test_a_python_that_is_none_is_named() -> void:
@@ -167,6 +185,19 @@ func test_fast_time_leaves_the_length_of_a_tick() -> void:
 	LudusPace.watch_at(0)
 	equal(Engine.physics_ticks_per_second, ticks, "and back")
 	equal(Engine.time_scale, 1.0, "the scale, too")
+
+
+func _forget_actions() -> void:
+	for action: StringName in LudusTrainingKeys.USUAL_KEYS:
+		if InputMap.has_action(action):
+			InputMap.erase_action(action)
+
+
+func _key(key: Key) -> InputEventKey:
+	var event := InputEventKey.new()
+	event.keycode = key
+	event.pressed = true
+	return event
 
 
 func _training() -> LudusTraining:

@@ -7,7 +7,6 @@ extends Node
 ## a trainer this node has worlds of its own, which stand still unless somebody plays them.
 
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
-const LudusTrainingKeys := preload("res://addons/ludus/training/training_keys.gd")
 
 const WORLD_SCENE := "res://addons/ludus_classic/ludus_classic_world.tscn"
 const POLICIES_FOLDER := "AIServerCommFiles"
@@ -17,6 +16,14 @@ const WATCHED_TICKS := 30
 ## Epochs between two checkpoints that are kept for ever.
 const KEPT_EPOCHS := 1000
 const MAX_NAME_LENGTH := 64
+## The input actions of [LudusTraining] that godot-ai has, and its keys.
+const KEYS: Dictionary[StringName, Array] = {
+	&"ludus_connect": [KEY_UP],
+	&"ludus_play_round": [KEY_2, KEY_KP_2],
+	&"ludus_start": [KEY_3, KEY_KP_3],
+	&"ludus_stop": [KEY_ENTER, KEY_KP_ENTER],
+	&"ludus_write_policies": [KEY_O],
+}
 
 ## The environment.
 var env_delegate: AIBaseEnvironment
@@ -172,7 +179,19 @@ func _prepare_training() -> void:
 	training.has_keys = false
 	training.policies_folder = folder + POLICIES_FOLDER
 	training.state_changed.connect(_follow)
-	LudusTrainingKeys.add_actions()
+	_add_actions()
+
+
+## Adds the actions that the project does not have, with the keys of godot-ai.
+static func _add_actions() -> void:
+	for action: StringName in KEYS:
+		if InputMap.has_action(action):
+			continue
+		InputMap.add_action(action)
+		for key: Key in KEYS[action]:
+			var event := InputEventKey.new()
+			event.keycode = key
+			InputMap.action_add_event(action, event)
 
 
 ## The name of the scene, as far as a run may be called so.

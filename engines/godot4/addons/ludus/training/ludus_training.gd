@@ -57,8 +57,22 @@ static var _has_been_online: bool = false
 @export_group("Interface")
 ## Whether an overlay tells how it goes.
 @export var has_overlay: bool = true
-## Whether keys guide the training; see [LudusTrainingKeys].
+## Whether keys guide the training.
 @export var has_keys: bool = true
+## The key of each action. An action without one has that of the project's input map, or else the
+## usual one: Shift with F1 to F10, in this order.
+@export var keys: Dictionary[StringName, InputEventKey] = {
+	&"ludus_overlay": null,
+	&"ludus_play_round": null,
+	&"ludus_start": null,
+	&"ludus_stop": null,
+	&"ludus_connect": null,
+	&"ludus_write_policies": null,
+	&"ludus_train_first": null,
+	&"ludus_train_second": null,
+	&"ludus_train_all": null,
+	&"ludus_train_none": null,
+}
 @export_group("Server")
 ## Where runs lie. Empty: [code]res://runs[/code] in the editor, [code]user://runs[/code] in an
 ## exported game.

@@ -1,34 +1,38 @@
 extends Node
-## The keys that guide training. Each is an input action, which the project may define otherwise in
-## its input map.
+## The keys that guide training. Each is an input action.
 
-## Actions and the keys they have where the project does not define them.
-const KEYS: Dictionary[StringName, Array] = {
-	&"ludus_connect": [KEY_UP],
-	&"ludus_play_round": [KEY_2, KEY_KP_2],
-	&"ludus_start": [KEY_3, KEY_KP_3],
-	&"ludus_stop": [KEY_ENTER, KEY_KP_ENTER],
-	&"ludus_write_policies": [KEY_O],
-	&"ludus_train_first": [KEY_7, KEY_KP_7],
-	&"ludus_train_second": [KEY_8, KEY_KP_8],
-	&"ludus_train_all": [KEY_9, KEY_KP_9],
-	&"ludus_train_none": [KEY_0, KEY_KP_0],
-	&"ludus_overlay": [KEY_F1],
+## Keys, pressed with Shift so that the game's own stay free, of actions that neither the node nor
+## the project's input map gives another.
+const USUAL_KEYS: Dictionary[StringName, Key] = {
+	&"ludus_overlay": KEY_F1,
+	&"ludus_play_round": KEY_F2,
+	&"ludus_start": KEY_F3,
+	&"ludus_stop": KEY_F4,
+	&"ludus_connect": KEY_F5,
+	&"ludus_write_policies": KEY_F6,
+	&"ludus_train_first": KEY_F7,
+	&"ludus_train_second": KEY_F8,
+	&"ludus_train_all": KEY_F9,
+	&"ludus_train_none": KEY_F10,
 }
 
 var _training: LudusTraining
 
 
-## Adds the actions that the project does not have.
-static func add_actions() -> void:
-	for action: StringName in KEYS:
-		if InputMap.has_action(action):
+## Adds the actions that the project does not have, and gives those in [param chosen] their key.
+static func add_actions(chosen: Dictionary[StringName, InputEventKey]) -> void:
+	for action: StringName in USUAL_KEYS:
+		var event: InputEventKey = chosen.get(action)
+		if event == null and InputMap.has_action(action):
 			continue
-		InputMap.add_action(action)
-		for key: Key in KEYS[action]:
-			var event := InputEventKey.new()
-			event.keycode = key
-			InputMap.action_add_event(action, event)
+		if event == null:
+			event = InputEventKey.new()
+			event.keycode = USUAL_KEYS[action]
+			event.shift_pressed = true
+		if not InputMap.has_action(action):
+			InputMap.add_action(action)
+		InputMap.action_erase_events(action)
+		InputMap.action_add_event(action, event)
 
 
 ## The key of an action, for people to read.
@@ -42,11 +46,11 @@ static func describe(action: StringName) -> String:
 
 func _init(training: LudusTraining) -> void:
 	_training = training
-	add_actions()
+	add_actions(training.keys)
 
 
 func _unhandled_input(event: InputEvent) -> void:
-	for action: StringName in KEYS:
+	for action: StringName in USUAL_KEYS:
 		if event.is_action_pressed(action):
 			_do(action)
 			return
