@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import shutil
 import subprocess
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pytest
 
 import ludus
 from ludus.cli.main import main
 from ludus.engine import EngineKind, find_engine
-from ludus.errors import GameError, TargetError
+from ludus.errors import EngineCrashed, GameError, TargetError
 from ludus.legacy.addon import install_legacy_addon
 
 pytestmark = pytest.mark.engine
@@ -66,6 +68,48 @@ def test_the_five_steps_of_the_notebook(project: Path, num_worlds: int) -> None:
                 assert not terminated.any()
     finally:
         envs.close()
+
+
+@pytest.mark.parametrize("scene", ["cartpole", "as_it_was"])
+def test_the_same_project_serves_gymgodots_python(project: Path, scene: str) -> None:
+    write_scene(project, "as_it_was", "cartpole", "")
+    program = find_engine(EngineKind.GODOT3).executable(headless=True)
+    env = gymnasium.make(
+        "server-v0",
+        serverPort="0",
+        exeCmd=shlex.join(["cd", str(project)]) + f" && {shlex.quote(str(program))} {scene}.tscn",
+        action_space=gymnasium.spaces.Discrete(2),
+        observation_space=gymnasium.spaces.Box(-np.inf, np.inf, (4,)),
+    )
+    try:
+        for _ in range(2):
+            first, _ = env.reset()
+            assert not first.any()
+            for expected in FIVE_STEPS:
+                observation, reward, terminated, *_ = env.step(0)
+                assert observation == pytest.approx(np.array(expected), abs=1e-6)
+                assert (reward, terminated) == (1.0, False)
+    finally:
+        env.close()
+
+
+def test_the_same_scene_serves_the_wire_of_gymgodot(project: Path) -> None:
+    settings = {"action_space": "Box(-1, 1, (1,))", "observation_space": "Box(-inf, inf, (3,))"}
+    with ludus.make(f"gymgodot:{project / 'walk.tscn'}", **settings) as env:
+        env.reset()
+        for count in range(1, 7):
+            observation, reward, terminated, *_ = env.step(np.array([0.25], np.float32))
+            assert observation.tolist() == [0.5 * count, 2 * count, 2 * count]
+            assert (reward, terminated) == (0.25 * count, False)
+        assert env.step(np.array([0.25], np.float32))[2]
+
+
+def test_a_lost_environment_node_ends_the_game(project: Path) -> None:
+    text = (PROJECT / "walk.tscn").read_text()
+    (project / "lost.tscn").write_text(NODE.sub('environmentNode = NodePath("../Nobody")', text))
+    settings = {"action_space": "Discrete(2)", "observation_space": "Discrete(2)"}
+    with pytest.raises(EngineCrashed, match=r"'\.\./Nobody' leads nowhere"):
+        ludus.make(f"gymgodot:{project / 'lost.tscn'}", **settings)
 
 
 def test_every_frame_of_a_step_gets_the_action(project: Path) -> None:

@@ -7,10 +7,12 @@ extends LudusAgent
 ##
 ## It has the same properties, and the environment the same five methods; but Ludus trains it, in
 ## any number of worlds. GymGodot's scenes do not say what an action is: set [member discrete_n] or
-## [member continuous_size]. What is observed is taken from the first observation. Without a trainer
-## the scene runs on its own, as it does with [member enabled] off.
+## [member continuous_size]. What is observed is taken from the first observation. Started as
+## GymGodot's Python starts games ([code]--serverPort=8000[/code]), it speaks GymGodot's wire
+## instead. Otherwise the scene runs on its own, as it does with [member enabled] off.
 
 const SOCKET_NAME := "WebSocketClient"
+const Socket := preload("res://addons/ludus_classic/gym_godot_socket.gd")
 
 ## Frames of a step. The action is applied in each of them.
 export(int, 1, 1000) var stepLength: int = 2 setget set_step_length
@@ -40,8 +42,12 @@ var _is_done: bool = false
 
 ## A scene that puts GymGodot together by hand has a child that quits when nobody listens.
 func _ready() -> void:
-	if not Engine.editor_hint and has_node(SOCKET_NAME):
+	if Engine.editor_hint:
+		return
+	if has_node(SOCKET_NAME):
 		get_node(SOCKET_NAME).free()
+	if enabled and Socket.is_wanted():
+		_open_socket()
 
 
 func set_step_length(value: int) -> void:
@@ -127,6 +133,21 @@ func _look() -> void:
 	_is_done = _environment.is_done()
 	if debugPrint:
 		print("GYMGODOT : %s, reward %s, done %s" % [_observation, _reward, _is_done])
+
+
+## Lets GymGodot's Python play: for Ludus, and for a policy in the game, the agent is switched off.
+func _open_socket() -> void:
+	var problem := _find_environment()
+	if not problem.empty():
+		push_error(problem)
+		get_tree().quit(1)
+		return
+	set_enabled(false)
+	var socket := Socket.new()
+	socket.environment = _environment
+	socket.step_length = stepLength
+	socket.is_logging = debugPrint
+	add_child(socket)
 
 
 func _find_environment() -> String:
