@@ -26,6 +26,10 @@ def checkpoint(steps: int = 10, mean_return: float | None = None) -> Checkpoint:
     return Checkpoint(steps, mean_return, {"hero": state}, {}, {"hero": "x"}, {"seed": 1}, {"u": 2})
 
 
+def path_of(path: Path, _: Checkpoint) -> Path:
+    return path
+
+
 def test_a_checkpoint_is_read_as_it_was_written(tmp_path: Path) -> None:
     write_checkpoint(tmp_path / "c", checkpoint(mean_return=1.5))
     loaded = read_checkpoint(tmp_path / "c")
@@ -71,8 +75,13 @@ def cut_state(path: Path) -> None:
 
 def empty_state(path: Path) -> None:
     state = json.loads((path / "state.json").read_bytes())
-    del state["fingerprints"]
+    del state["fingerprints"], state["state_sha256"]
     (path / "state.json").write_text(json.dumps(state))
+
+
+def change_state(path: Path) -> None:
+    text = (path / "state.json").read_text()
+    (path / "state.json").write_text(text.replace('"agent_steps": 2', '"agent_steps": 3'))
 
 
 def lose_tensors(path: Path) -> None:
@@ -92,7 +101,8 @@ def other_format(path: Path) -> None:
     [
         (damage_tensors, "is corrupt: tensors.safetensors has changed"),
         (cut_state, "is corrupt: state.json"),
-        (empty_state, "is corrupt: KeyError"),
+        (empty_state, "is corrupt: state.json lacks a field"),
+        (change_state, "is corrupt: state.json has changed"),
         (other_format, "has format 99, this version reads 2"),
         (
             lose_tensors,
@@ -122,11 +132,11 @@ def test_unloadable_ones_are_set_aside_and_do_not_count(
     good, *others = [store.write(checkpoint(steps, float(steps))) for steps in (1, 2, 3)]
     for bad in others:
         damage_tensors(bad)
-    assert store.newest(set_aside=True)[0] == good
+    assert store.resume(path_of) == good
     assert f"{others[1]} was renamed to unloadable-{others[1].name}" in caplog.text
     store.write(checkpoint(3))
     damage_tensors(others[1])
-    assert store.newest(set_aside=True)[0] == good
+    assert store.resume(path_of) == good
     assert {path.name for path in tmp_path.iterdir()} == {
         "step-000000000001",
         "unloadable-step-000000000002",
@@ -143,7 +153,7 @@ def test_nothing_is_set_aside_if_none_can_be_loaded(tmp_path: Path) -> None:
     bad = store.write(checkpoint())
     damage_tensors(bad)
     with pytest.raises(CheckpointError, match="no checkpoint in"):
-        store.newest(set_aside=True)
+        store.resume(path_of)
     assert store.paths() == [bad]
 
 

@@ -10,10 +10,15 @@ from pathlib import Path
 import numpy as np
 from torch import Tensor
 
-from ludus.errors import CheckpointError, ConfigError
+from ludus.errors import CheckpointError
 from ludus.league.league import past_selves
 from ludus.networks.tensors import with_prefix
-from ludus.runs.checkpoint import Checkpoint, CheckpointStore, read_checkpoint
+from ludus.runs.checkpoint import (
+    Checkpoint,
+    CheckpointStore,
+    checkpoint_errors,
+    read_checkpoint,
+)
 from ludus.runs.run_folder import RunFolder
 from ludus.runs.saved import find_checkpoint
 from ludus.settings.plain import saved_policy
@@ -65,15 +70,10 @@ def load_players(run: Path) -> tuple[Path, Checkpoint, LeaguePlayers]:
     """
     store = RunFolder.find(run).checkpoints()
     path, newest = find_checkpoint(run)
-    try:
+    with checkpoint_errors(path):
         past = _of_league(newest) if "league" in newest.run else _of_store(store, newest)
         now = _of_checkpoint(newest, is_newest=True)
-    except (KeyError, TypeError, ValueError, AttributeError, ConfigError) as error:
-        raise CheckpointError(
-            f"the checkpoint {path} is corrupt: {type(error).__name__}: {error}",
-            "name an older checkpoint of the run",
-        ) from None
-    return path, newest, {name: (*past[name], now[name]) for name in now}
+        return path, newest, {name: (*past[name], now[name]) for name in now}
 
 
 def subsample(league_players: Sequence[LeaguePlayer], count: int) -> tuple[LeaguePlayer, ...]:

@@ -18,29 +18,45 @@ import hashlib
 import json
 import logging
 import os
+import re
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Generator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
-from safetensors import SafetensorError
 from safetensors.torch import load as load_safetensors
 from safetensors.torch import save as save_safetensors
 from torch import Tensor
 
 from ludus.algorithms.learner import LearnerState
-from ludus.disk import disk_errors, sync_folder, write_synced
-from ludus.errors import CheckpointError
+from ludus.disk import disk_errors, parse_json, read_plain_file, sync_folder, write_synced
+from ludus.errors import CheckpointError, ConfigError, LudusError
 from ludus.networks.tensors import join_names, with_prefix
 from ludus.spec import PolicySpec
 
-__all__ = ["Checkpoint", "CheckpointStore", "check_spec", "read_checkpoint", "write_checkpoint"]
+__all__ = ["Checkpoint", "CheckpointStore", "check_spec", "checkpoint_errors", "read_checkpoint",
+           "write_checkpoint"]  # fmt: skip
 
 FORMAT = 2
 TENSORS, REPLAY, STATE = "tensors.safetensors", "replay.safetensors", "state.json"
 LEAGUE = "@league"
 TEMPORARY = ".writing-"
+FIELDS: dict[str, type] = {
+    "agent_steps": int,
+    "learners": dict,
+    "specs": dict,
+    "fingerprints": dict,
+    "config": dict,
+    "run": dict,
+}
+"""Of ``state.json``, with ``mean_return``, which is a number or null."""
+
+SEAL = re.compile(rb'\{"state_sha256": "([0-9a-f]{64})", ')
+NUMBERED = re.compile(r"[a-z]+-[0-9]{1,18}", re.ASCII)
+
+Taken = TypeVar("Taken")
 
 log = logging.getLogger(__name__)
 
@@ -99,7 +115,7 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
             write_synced(temporary / TENSORS, data)
             if replay is not None:
                 write_synced(temporary / REPLAY, replay)
-            write_synced(temporary / STATE, json.dumps(state).encode())
+            write_synced(temporary / STATE, _seal(state))
             sync_folder(temporary)
             temporary.rename(path)
             sync_folder(path.parent)
@@ -121,29 +137,51 @@ def read_checkpoint(path: Path, *, has_replay: bool = False) -> Checkpoint:
     tensors = _read_tensors(path, TENSORS, state.get("tensors_sha256"))
     replay: dict[str, Tensor] = {}
     if has_replay and state.get("replay_sha256"):
-        if (path / REPLAY).exists():
+        if os.path.lexists(path / REPLAY):
             replay = _read_tensors(path, REPLAY, state["replay_sha256"])
         else:
             log.warning("%s no longer has its replay buffer, which starts empty", path)
-    try:
-        learners = {
-            name: LearnerState(
-                with_prefix(tensors, f"{name}/"), values, with_prefix(replay, f"{name}/")
-            )
-            for name, values in state["learners"].items()
-        }
-        return Checkpoint(
-            agent_steps=int(state["agent_steps"]),
-            mean_return=state["mean_return"],
-            learners=learners,
-            specs=state["specs"],
-            fingerprints=state["fingerprints"],
-            config=state["config"],
-            run=state["run"],
-            league=with_prefix(tensors, f"{LEAGUE}/"),
+    learners = {
+        name: LearnerState(
+            with_prefix(tensors, f"{name}/"), values, with_prefix(replay, f"{name}/")
         )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise _corrupt(path, f"{type(error).__name__}: {error}") from None
+        for name, values in state["learners"].items()
+    }
+    return Checkpoint(
+        agent_steps=state["agent_steps"],
+        mean_return=state["mean_return"],
+        learners=learners,
+        specs=state["specs"],
+        fingerprints=state["fingerprints"],
+        config=state["config"],
+        run=state["run"],
+        league=with_prefix(tensors, f"{LEAGUE}/"),
+    )
+
+
+@contextmanager
+def checkpoint_errors(path: Path) -> Generator[None, None, None]:
+    """Turn whatever a checkpoint of unexpected contents can raise into an error that names it.
+
+    Raises:
+        CheckpointError: Settings were wrong, or something that is no error of Ludus was raised.
+    """
+    try:
+        yield
+    except ConfigError as error:
+        raise _corrupt(path, error.message) from error
+    except LudusError:
+        raise
+    except Exception as error:
+        raise _corrupt(path, f"{type(error).__name__}: {error}") from error
+
+
+class _CorruptError(CheckpointError):
+    """A checkpoint is damaged; an older one may not be."""
+
+
+class _MissingError(CheckpointError):
+    """A checkpoint is not there."""
 
 
 def _pack(parts: Mapping[str, Mapping[str, Tensor]]) -> bytes:
@@ -153,15 +191,13 @@ def _pack(parts: Mapping[str, Mapping[str, Tensor]]) -> bytes:
 
 def _read_tensors(path: Path, name: str, sha256: object) -> dict[str, Tensor]:
     try:
-        data = (path / name).read_bytes()
+        data = read_plain_file(path / name)
     except OSError as error:
         raise _corrupt(path, f"{name}: {error.strerror}") from None
     if hashlib.sha256(data).hexdigest() != sha256:
         raise _corrupt(path, f"{name} has changed since it was saved")
-    try:
+    with checkpoint_errors(path):
         return load_safetensors(data)
-    except (ValueError, SafetensorError) as error:
-        raise _corrupt(path, f"{name}: {error}") from None
 
 
 def check_spec(
@@ -193,14 +229,19 @@ class CheckpointStore:
 
     def paths(self) -> list[Path]:
         """Return checkpoint folders, oldest first, without those to keep for ever."""
-        return sorted(self.folder.glob("step-*"))
+        return self._numbered("step")
+
+    def kept(self) -> list[Path]:
+        """Return the checkpoints to keep for ever, oldest first."""
+        return self._numbered("update")
 
     def write(self, checkpoint: Checkpoint) -> Path:
         """Save a checkpoint, then drop those that are neither new nor best."""
         path = self.folder / f"step-{checkpoint.agent_steps:012d}"
         if not self._is_written(path):  # else nothing was learnt since then
             write_checkpoint(path, checkpoint)
-            self._prune()
+            with disk_errors(f"the checkpoints in {self.folder}"):
+                self._prune(path)
         return path
 
     def keep(self, checkpoint: Checkpoint, updates: int) -> Path:
@@ -213,34 +254,55 @@ class CheckpointStore:
             write_checkpoint(path, replace(checkpoint, learners=learners))
         return path
 
-    def newest(
-        self, *, has_replay: bool = False, set_aside: bool = False
-    ) -> tuple[Path, Checkpoint]:
-        """Return the newest checkpoint that can be loaded, and where it is.
+    def newest(self, *, has_replay: bool = False) -> tuple[Path, Checkpoint]:
+        """Return the newest checkpoint that can be loaded, and where it is; renames nothing.
 
         Args:
             has_replay: Read replay buffers as well.
-            set_aside: Rename newer ones that cannot be loaded, so that they neither count as
-                checkpoints nor take the place of those to come. Only for who trains the run.
 
         Raises:
-            CheckpointError: There is none; nothing was renamed.
+            CheckpointError: There is none.
+        """
+        return self._load(lambda path, checkpoint: (path, checkpoint), has_replay=has_replay)
+
+    def resume(self, take: Callable[[Path, Checkpoint], Taken]) -> Taken:
+        """Return what ``take`` makes of the newest checkpoint that can be loaded.
+
+        Newer ones are renamed, so that they neither count as checkpoints nor take the place of
+        those to come.
+
+        Args:
+            take: Called with a checkpoint, replay buffers included, and where it is. What it
+                raises under :func:`checkpoint_errors` has the next older one tried.
+
+        Raises:
+            CheckpointError: There is none, or ``take`` refuses one; nothing was renamed.
             RunError: One could not be renamed.
         """
+        return self._load(take, has_replay=True, set_aside=True)
+
+    def _load(
+        self,
+        take: Callable[[Path, Checkpoint], Taken],
+        *,
+        has_replay: bool,
+        set_aside: bool = False,
+    ) -> Taken:
         tried: set[Path] = set()
         # A run that goes on may drop all that were there, and write others, while they are read.
-        while untried := [path for path in self.paths() if path not in tried]:
+        while untried := [p for p in [*self.kept(), *self.paths()] if p not in tried]:
             for path in reversed(untried):
                 tried.add(path)
                 try:
-                    checkpoint = read_checkpoint(path, has_replay=has_replay)
-                except CheckpointError as error:
-                    if path.is_dir():
-                        log.warning("%s; trying an older one", error.message)
+                    taken = take(path, read_checkpoint(path, has_replay=has_replay))
+                except _CorruptError as error:
+                    log.warning("%s; trying an older one", error.message)
+                    continue
+                except _MissingError:
                     continue
                 for unloadable in sorted(tried - {path}) if set_aside else ():
                     self._set_aside(unloadable)
-                return path, checkpoint
+                return taken
         raise CheckpointError(
             f"no checkpoint in {self.folder} can be loaded", "start a new run without --resume"
         )
@@ -255,9 +317,15 @@ class CheckpointStore:
         for path in self.folder.glob(f"{TEMPORARY}*"):
             shutil.rmtree(path, ignore_errors=True)
 
+    def _numbered(self, kind: str) -> list[Path]:
+        """Return what is called ``KIND-NUMBER``, the lowest number first."""
+        paths = self.folder.glob(f"{kind}-*")
+        numbered = [(int(p.name[len(kind) + 1 :]), p) for p in paths if NUMBERED.fullmatch(p.name)]
+        return [path for _, path in sorted(numbered)]
+
     def _is_written(self, path: Path) -> bool:
         """Return whether ``path`` is a checkpoint that can be loaded; set aside one that cannot."""
-        if not path.exists():
+        if not os.path.lexists(path):
             return False
         try:
             read_checkpoint(path, has_replay=True)
@@ -269,18 +337,18 @@ class CheckpointStore:
 
     def _set_aside(self, path: Path) -> None:
         aside, attempt = path.with_name(f"unloadable-{path.name}"), 1
-        while aside.exists():
+        while os.path.lexists(aside):
             attempt += 1
             aside = path.with_name(f"unloadable-{path.name}-{attempt}")
         with disk_errors(str(aside)):
-            if path.exists():
+            if os.path.lexists(path):
                 path.rename(aside)
                 log.warning("%s was renamed to %s and no longer counts", path, aside.name)
 
-    def _prune(self) -> None:
+    def _prune(self, written: Path) -> None:
         best = self.best()
         for path in self.paths()[: -self._keep]:
-            if path != best:
+            if path not in (best, written):
                 # Hidden first, so that one half removed is never taken for a checkpoint.
                 doomed = path.rename(path.with_name(f"{TEMPORARY}{path.name}"))
                 shutil.rmtree(doomed, ignore_errors=True)
@@ -296,26 +364,42 @@ def _mean_return(path: Path) -> tuple[float] | None:
     return None if value is None else (float(value),)
 
 
+def _seal(state: dict[str, Any]) -> bytes:
+    """Return the text of ``state.json``, which begins with the hash of the rest."""
+    rest = json.dumps(state).encode()[1:]
+    return b'{"state_sha256": "%s", ' % hashlib.sha256(rest).hexdigest().encode() + rest
+
+
 def _read_state(path: Path) -> dict[str, Any]:
     if not path.is_dir():
-        raise CheckpointError(f"there is no checkpoint {path}", "check the path of the run")
+        if os.path.lexists(path):
+            raise _corrupt(path, "it is no folder")
+        raise _MissingError(f"there is no checkpoint {path}", "check the path of the run")
     try:
-        state: Any = json.loads((path / STATE).read_bytes())
+        data = read_plain_file(path / STATE)
+        state: Any = parse_json(data)
     except (OSError, ValueError) as error:
         raise _corrupt(path, f"{STATE}: {error}") from None
     if not isinstance(state, dict):
         raise _corrupt(path, f"{STATE} is not an object")
+    seal = SEAL.match(data)  # which files of earlier versions have not
+    if seal and hashlib.sha256(data[seal.end() :]).hexdigest().encode() != seal[1]:
+        raise _corrupt(path, f"{STATE} has changed since it was saved")
     values = cast(dict[str, Any], state)
     if values.get("format") != FORMAT:
-        raise CheckpointError(
+        raise _CorruptError(
             f"{path} has format {values.get('format')}, this version reads {FORMAT}",
             "use the version of ludus that wrote it",
         )
+    is_sound = all(isinstance(values.get(name), kind) for name, kind in FIELDS.items())
+    mean_return = values.get("mean_return")
+    if not is_sound or not (mean_return is None or isinstance(mean_return, int | float)):
+        raise _corrupt(path, f"{STATE} lacks a field, or one has the wrong type")
     return values
 
 
 def _corrupt(path: Path, reason: str) -> CheckpointError:
-    return CheckpointError(
+    return _CorruptError(
         f"the checkpoint {path} is corrupt: {reason}",
         "delete that folder; resuming uses the newest checkpoint that can be loaded",
     )

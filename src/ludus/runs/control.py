@@ -24,10 +24,11 @@ import time
 import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
-from ludus.disk import disk_errors, write_atomically
+from ludus.disk import disk_errors, read_json, write_atomically
 from ludus.errors import UsageError
 from ludus.settings.policy_config import Mode
 
@@ -151,17 +152,29 @@ def send_request(folder: Path, request: Request) -> Path:
 
 
 def take_requests(folder: Path) -> list[Mapping[str, Any]]:
-    """Read and remove the requests in ``folder``, oldest first; malformed ones with a warning."""
+    """Read and remove the requests in ``folder``, oldest first; malformed ones with a warning.
+
+    What cannot be removed is no request: it would be carried out again and again.
+    """
     if not folder.is_dir():
         return []
     found: list[Mapping[str, Any]] = []
     for path in sorted(folder.glob("*.json")):
+        values: Any = None
         try:
-            values: Any = json.loads(path.read_bytes()[:MAX_BYTES])
+            values = read_json(path, MAX_BYTES)
         except (OSError, ValueError) as error:
-            log.warning("ignoring the request %s: %s", path, error)
-            values = None
+            _warn_once(f"ignoring the request {path}: {error}")
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            _warn_once(f"ignoring the request {path}, which cannot be removed: {error}")
+            continue
         if isinstance(values, dict):
             found.append(cast(dict[str, Any], values))
-        path.unlink(missing_ok=True)
     return found
+
+
+@lru_cache(maxsize=64)
+def _warn_once(text: str) -> None:
+    log.warning("%s", text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.disk import disk_errors
+from ludus.disk import disk_errors, write_atomically
 from ludus.runs.metrics import read_metrics
 
 __all__ = ["draw_learning_curve"]
@@ -57,19 +58,20 @@ def draw_learning_curve(metrics: Path, picture: Path, title: str) -> bool:
     _label_ends(axes, curves, colours)
     _decorate(axes, title)
     _add_clock(axes, lines)
+    image = io.BytesIO()
+    figure.savefig(image, format="png")
     with disk_errors(str(picture)):
-        figure.savefig(picture)
+        write_atomically(picture, image.getvalue())
     return True
 
 
 def _curve(lines: Sequence[dict[str, Any]], policy: str) -> _Points | None:
     """Return the updates that had episodes, neighbours averaged where there are many."""
     values = [(line["agent_steps"], line["policies"].get(policy, {})) for line in lines]
-    points = [
-        (steps, of["mean_return"], of[BAND[0]], of[BAND[1]])
-        for steps, of in values
-        if "mean_return" in of
+    rows = [
+        (steps, of.get("mean_return"), of.get(BAND[0]), of.get(BAND[1])) for steps, of in values
     ]
+    points = [row for row in rows if all(isinstance(value, int | float) for value in row)]
     return subsample(np.asarray(points, np.float64).T) if points else None
 
 
@@ -138,7 +140,7 @@ def _decorate(axes: Any, title: str) -> None:
 def _add_clock(axes: Any, lines: Sequence[dict[str, Any]]) -> None:
     """Put the seconds of training on an axis above."""
     steps = np.asarray([0.0, *(line["agent_steps"] for line in lines)])
-    seconds = np.asarray([0.0, *(line["wall_s"] for line in lines)])
+    seconds = np.asarray([0.0, *(line.get("wall_s", 0.0) for line in lines)])
     if seconds[-1] <= 0 or not (np.diff(steps) > 0).all() or not (np.diff(seconds) > 0).all():
         return
     clock = axes.twiny()

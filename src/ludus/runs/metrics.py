@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import logging
 import socket
 import time
 from collections.abc import Mapping, Sequence
@@ -17,10 +18,14 @@ from typing import Any
 
 from tensorboard.summary.writer.record_writer import RecordWriter
 
-from ludus.disk import disk_errors, write_atomically
+from ludus.disk import disk_errors, plain_file_opener, read_plain_file, write_atomically
+from ludus.errors import RunError
+from ludus.runs.run_list import parse_metrics
 from ludus.runs.tracking import Tracker
 
 __all__ = ["METRICS", "POLICY_METRICS", "MetricsLog", "read_metrics"]
+
+log = logging.getLogger(__name__)
 
 # Generated modules, which have no types.
 _events: Any = importlib.import_module("tensorboard.compat.proto.event_pb2")
@@ -84,7 +89,7 @@ class MetricsLog:
         self._trackers = trackers
         self._path = folder / "metrics.jsonl"
         with disk_errors(str(self._path)):
-            self._lines = self._path.open("ab")
+            self._lines = open(self._path, "ab", opener=plain_file_opener)  # noqa: SIM115
         self._events = _EventFile(folder, first_step)
 
     @staticmethod
@@ -172,11 +177,18 @@ class _EventFile:
 
 
 def read_metrics(path: Path) -> list[dict[str, Any]]:
-    """Return the lines of a ``metrics.jsonl``; a last line cut short by a kill is left out."""
-    lines: list[dict[str, Any]] = []
-    for text in path.read_text(encoding="utf-8").splitlines():
-        try:
-            lines.append(json.loads(text))
-        except json.JSONDecodeError:
-            break
-    return lines
+    """Return the lines of a ``metrics.jsonl``.
+
+    Other lines are left out, with a warning unless it is the last one, cut short by a kill.
+
+    Raises:
+        RunError: The file cannot be read.
+    """
+    try:
+        texts = read_plain_file(path).splitlines()
+    except OSError as error:
+        raise RunError(f"cannot read {path}: {error.strerror}") from None
+    lines = [parse_metrics(text) for text in texts]
+    if None in lines[:-1]:
+        log.warning("%s: %d lines are damaged and left out", path, lines.count(None))
+    return [line for line in lines if line is not None]

@@ -24,8 +24,8 @@ import json
 import re
 import shutil
 import time
-from collections.abc import Generator, Mapping
-from contextlib import contextmanager
+from collections.abc import Collection, Generator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -134,24 +134,32 @@ class RunFolder:
         Requests to whatever trained here before are void.
 
         Raises:
-            RunError: Another process does so now.
+            RunError: Another process does so now, or the folder may not be written to.
         """
-        try:
-            with file_lock(self.path / LOCK, LOCK_TIMEOUT_S):
-                shutil.rmtree(self.control, ignore_errors=True)
-                yield
-        except LockHeld:
-            raise RunError(
-                f"the run {self.path} is being trained by another process",
-                f"to stop that one: ludus control {self.path} --stop",
-            ) from None
+        with ExitStack() as stack:
+            try:
+                with disk_errors(f"the run folder {self.path}"):
+                    stack.enter_context(file_lock(self.path / LOCK, LOCK_TIMEOUT_S))
+            except LockHeld:
+                raise RunError(
+                    f"the run {self.path} is being trained by another process",
+                    f"to stop that one: ludus control {self.path} --stop",
+                ) from None
+            shutil.rmtree(self.control, ignore_errors=True)
+            for path in self.path.glob(".*.tmp"):  # of a process that was killed
+                path.unlink(missing_ok=True)
+            yield
 
     def is_running(self) -> bool:
-        """Return whether a process is training in this folder now."""
+        """Return whether a process is training in this folder now.
+
+        Raises:
+            RunError: The lock may not be opened.
+        """
         if not (self.path / LOCK).exists():
             return False
         try:
-            with file_lock(self.path / LOCK, 0.0):
+            with disk_errors(str(self.path / LOCK)), file_lock(self.path / LOCK, 0.0):
                 return False
         except LockHeld:
             return True
@@ -197,11 +205,22 @@ class RunFolder:
         with disk_errors(str(self.result)):
             self.result.unlink(missing_ok=True)
 
-    def discard_if_unused(self, but: Path | None = None) -> None:
-        """Remove the folder if nothing has been written into it, except in its folder ``but``."""
-        files = (path for path in self.path.rglob("*") if path.is_file() and path.name != LOCK)
-        if all(but is not None and path.is_relative_to(but) for path in files):
-            shutil.rmtree(self.path, ignore_errors=True)
+    def discard_if_unused(self, but: Collection[str] = ()) -> bool:
+        """Remove the folder if it holds nothing; only for who has made it.
+
+        Args:
+            but: Names of files and folders in it that count as nothing.
+
+        Returns:
+            Whether it was removed.
+        """
+        for path in self.path.rglob("*"):
+            first = path.relative_to(self.path).parts[0]
+            is_file = path.is_symlink() or not path.is_dir()
+            if is_file and first not in {LOCK, *but}:
+                return False
+        shutil.rmtree(self.path, ignore_errors=True)
+        return True
 
 
 def stack_layers(

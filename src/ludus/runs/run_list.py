@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import typing
 from collections.abc import Mapping, Sequence
@@ -10,10 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, cast
 
+from ludus.disk import parse_json, plain_file_opener, read_json
+from ludus.errors import RunError
 from ludus.runs.run_folder import RunFolder
 
-__all__ = ["PolicySummary", "RunState", "RunSummary", "StopReason", "list_runs", "running_runs",
-           "sample_metrics"]  # fmt: skip
+__all__ = ["PolicySummary", "RunState", "RunSummary", "StopReason", "list_runs", "parse_metrics",
+           "running_runs", "sample_metrics"]  # fmt: skip
 
 StopReason = Literal["total_steps", "max_time", "target_return", "stopped", "interrupted"]
 """Why training ended; ``stopped`` by the game, ``ludus control`` or a callback, ``interrupted`` by
@@ -146,7 +147,7 @@ def _state(reason: object) -> RunState:
 def _is_running(folder: RunFolder) -> bool:
     try:
         return folder.is_running()
-    except OSError:  # somebody else's, or on a disk that cannot be written to
+    except RunError:  # somebody else's, or on a disk that cannot be written to
         return False
 
 
@@ -159,9 +160,8 @@ def _config(path: Path) -> dict[str, Any]:
 def _read_object(path: Path) -> dict[str, Any]:
     """Return the object in a small JSON file; empty if there is none to be read."""
     try:
-        with path.open("rb") as file:
-            values: Any = json.loads(file.read(MAX_BYTES))
-    except (OSError, ValueError, RecursionError):
+        values: Any = read_json(path, MAX_BYTES)
+    except (OSError, ValueError):
         return {}
     return cast(dict[str, Any], values) if isinstance(values, dict) else {}
 
@@ -188,19 +188,19 @@ def sample_metrics(path: Path, count: int) -> list[dict[str, Any]]:
     Other lines than metrics of an update are left out, such as those cut short by a kill.
     """
     try:
-        with path.open("rb") as file:
+        with open(path, "rb", opener=plain_file_opener) as file:
             size = file.seek(0, 2)
             file.seek(max(0, size - TAIL_BYTES))
             tail = file.read(TAIL_BYTES).splitlines()
             if size > TAIL_BYTES:
                 found = _sample_long(file, size, count)
             else:
-                lines = [line for text in tail if (line := _parse_line(text))]
+                lines = [line for text in tail if (line := parse_metrics(text))]
                 chosen = {len(lines) * index // count for index in range(count)}
                 found = [lines[index] for index in sorted(chosen)] if lines else []
     except OSError:
         return []
-    last = next((line for text in reversed(tail) if (line := _parse_line(text))), None)
+    last = next((line for text in reversed(tail) if (line := parse_metrics(text))), None)
     if last is not None and (not found or found[-1]["agent_steps"] < last["agent_steps"]):
         found.append(last)
     return found
@@ -217,22 +217,24 @@ def _sample_long(file: BinaryIO, size: int, count: int) -> list[dict[str, Any]]:
         file.seek(max(0, place - 1))
         if place:
             file.readline(MAX_LINE_BYTES)  # the rest of a line that began before
-        line = _parse_line(file.readline(MAX_LINE_BYTES))
+        line = parse_metrics(file.readline(MAX_LINE_BYTES))
         read_until = file.tell()
         if line is not None:
             found.append(line)
     return found
 
 
-def _parse_line(text: bytes) -> dict[str, Any] | None:
+def parse_metrics(text: bytes) -> dict[str, Any] | None:
     """Return a line as :class:`~ludus.runs.metrics.MetricsLog` writes it, None for others."""
     try:
-        line: Any = json.loads(text)
-    except (ValueError, RecursionError):
+        line: Any = parse_json(text)
+    except ValueError:
         return None
     if not isinstance(line, dict):
         return None
     values = cast(dict[str, Any], line)
-    policies, steps = values.get("policies"), values.get("agent_steps")
-    is_sound = isinstance(policies, dict) and isinstance(steps, int | float)
-    return values if is_sound else None
+    policies = values.get("policies")
+    if not isinstance(policies, dict) or _number(values, "agent_steps") is None:
+        return None
+    named = cast(dict[str, Any], policies).values()
+    return values if all(isinstance(of, dict) for of in named) else None

@@ -11,7 +11,7 @@ from ludus.errors import CheckpointError
 from ludus.networks.own_network import PREFIX, MakeNetwork
 from ludus.networks.policy import Policy
 from ludus.networks.tensors import load_tensors
-from ludus.runs.checkpoint import Checkpoint, check_spec, read_checkpoint
+from ludus.runs.checkpoint import Checkpoint, check_spec, checkpoint_errors, read_checkpoint
 from ludus.runs.run_folder import RunFolder
 from ludus.settings.plain import saved_policy
 from ludus.settings.train_config import TrainConfig
@@ -92,7 +92,9 @@ def _load(
     checkpoint: Checkpoint, spec: PolicySpec, make_network: MakeNetwork | None, path: Path
 ) -> Policy:
     name = spec.name
-    tensors = checkpoint.learners[name].tensors
+    with checkpoint_errors(path):
+        tensors = checkpoint.learners[name].tensors
+        settings = saved_policy(checkpoint.config["policies"][name], f"policies.{name}")
     has_own = any(tensor.startswith(f"policy.{PREFIX}") for tensor in tensors)
     if has_own and make_network is None:
         raise CheckpointError(
@@ -100,7 +102,6 @@ def _load(
             f'in Python, networks={{"{name}": …}} says how it is made; an .onnx file of it runs '
             "without that (docs/python.md)",
         )
-    settings = saved_policy(checkpoint.config["policies"][name], f"policies.{name}")
     policy = Policy(spec, settings, make_network if has_own else None)
     load_tensors(policy, tensors, "policy.")
     return policy.eval()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import reprlib
+import sys
 import tomllib
 import types
 import typing
@@ -11,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeVar, cast
 
+from ludus.disk import parse_json
 from ludus.errors import ConfigError, did_you_mean
 from ludus.settings.checks import Settings
 from ludus.settings.policy_config import ALGORITHM_CONFIGS, PolicyConfig, PPOConfig, SACConfig
@@ -31,6 +34,10 @@ __all__ = [
 ]
 
 Struct = TypeVar("Struct", bound=Settings)
+
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = 120
+_short = _SHORT.repr
 
 ORIGINS = "origins"
 """Where ``config.json`` has the origins of its settings; older ones have none."""
@@ -115,13 +122,15 @@ def read_file(path: Path) -> dict[str, Any]:
         ConfigError: The file cannot be read or is malformed.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        data = path.read_bytes()
+    except OSError as error:
         raise ConfigError(f"cannot read the settings in {path}: {error}") from None
+    kind, values = "JSON" if path.suffix == ".json" else "TOML", cast(Any, None)
     try:
-        values: Any = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
-    except (json.JSONDecodeError, tomllib.TOMLDecodeError) as error:
-        kind = "JSON" if path.suffix == ".json" else "TOML"
+        values = parse_json(data) if kind == "JSON" else tomllib.loads(data.decode())
+    except RecursionError:
+        raise ConfigError(f"{path} is not valid {kind}: nested too deeply") from None
+    except ValueError as error:
         raise ConfigError(f"{path} is not valid {kind}: {error}") from None
     settings = dict(as_mapping(values, "the file", str(path)))
     settings.pop(ORIGINS, None)
@@ -177,7 +186,7 @@ def as_mapping(value: Any, name: str, where: str) -> Mapping[str, Any]:
         ConfigError: It is something else.
     """
     if not isinstance(value, Mapping):
-        raise ConfigError(f"{where}: {name} must hold settings by name, not {value!r}")
+        raise ConfigError(f"{where}: {name} must hold settings by name, not {_short(value)}")
     return cast(Mapping[str, Any], value)
 
 
@@ -195,7 +204,7 @@ def _fit(value: Any, hint: Any, where: str) -> Any:
         fitted = _fit_one(value, option, where)
         if fitted is not _MISMATCH:
             return fitted
-    raise ConfigError(f"{where} must be {_describe(hint)}, not {value!r}")
+    raise ConfigError(f"{where} must be {_describe(hint)}, not {_short(value)}")
 
 
 def _fit_one(value: Any, hint: Any, where: str) -> Any:  # noqa: PLR0911 - a table of types
@@ -221,6 +230,8 @@ def _fit_one(value: Any, hint: Any, where: str) -> Any:  # noqa: PLR0911 - a tab
         return value if isinstance(value, hint) else _MISMATCH
     if isinstance(value, bool) or not isinstance(value, int | float):
         return _MISMATCH
+    if not -sys.float_info.max <= value <= sys.float_info.max:  # too many digits, or none
+        return float(value) if hint is float and isinstance(value, float) else _MISMATCH
     if hint is float:
         return float(value)
     # Godot writes every number as 20.0. (msgspec 0.22 refuses that where an integer belongs.)

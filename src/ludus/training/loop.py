@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import sys
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -14,11 +15,12 @@ import torch
 
 from ludus.algorithms.learner import Learner
 from ludus.algorithms.learners import OwnParts, make_learners
+from ludus.disk import plain_file_opener
 from ludus.errors import DivergenceError, RunError, UsageError
 from ludus.play.evaluation import MAX_STEPS, Evaluation, evaluate
 from ludus.play.players import trained_player
 from ludus.pool import EnginePool, Pool, PoolConfig, open_pool
-from ludus.runs.checkpoint import check_spec
+from ludus.runs.checkpoint import Checkpoint, check_spec, checkpoint_errors
 from ludus.runs.curve import draw_learning_curve
 from ludus.runs.metrics import MetricsLog
 from ludus.runs.run_folder import RunFolder
@@ -81,10 +83,12 @@ def train(
             resolved = resolve(layers, source.policies)
             return _train_in(source, resolved, folder, resume is not None, parts)
     except UsageError:
-        folder.discard_if_unused(but=folder.engine_logs)  # what was asked for is wrong
+        if resume is None:  # what was asked for is wrong
+            folder.discard_if_unused(but=[folder.engine_logs.name])
         raise
     finally:
-        folder.discard_if_unused()
+        if resume is None:
+            folder.discard_if_unused()
 
 
 @dataclass(frozen=True)
@@ -101,16 +105,26 @@ def _train_in(
 ) -> RunResult:
     config, reporter = resolved.config, parts.reporter
     torch.set_num_threads(config.torch_threads)
-    learners = make_learners(config, pool, parts.own)
-    trainer = Trainer(config, pool, learners, folder)
+
+    def make_trainer() -> tuple[Trainer, dict[str, Learner]]:
+        learners = make_learners(config, pool, parts.own)
+        return Trainer(config, pool, learners, folder), learners
+
+    def take(path: Path, checkpoint: Checkpoint) -> tuple[Trainer, dict[str, Learner]]:
+        check_spec(checkpoint.fingerprints, pool.policies, path)
+        made = make_trainer()
+        with checkpoint_errors(path):
+            made[0].resume(checkpoint)
+        log.info("resumed from %s", path)
+        return made
+
     if is_resumed:
         store = folder.checkpoints(config.keep_checkpoints)
         store.clean()
-        path, checkpoint = store.newest(has_replay=True, set_aside=True)
-        check_spec(checkpoint.fingerprints, pool.policies, path)
-        trainer.resume(checkpoint)
-        MetricsLog.forget_after(folder.metrics, checkpoint.agent_steps)
-        log.info("resumed from %s", path)
+        trainer, learners = store.resume(take)
+        MetricsLog.forget_after(folder.metrics, trainer.agent_steps)
+    else:
+        trainer, learners = make_trainer()
     folder.write_config(config, resolved.origins)
     folder.forget_result()
     reporter.started(config, folder.path)
@@ -226,7 +240,8 @@ def _pool_for(
 @contextmanager
 def log_file(folder: RunFolder) -> Generator[None, None, None]:
     """Send what ``ludus`` logs to ``train.log`` as well."""
-    handler = logging.FileHandler(folder.path / "train.log", encoding="utf-8", delay=True)
+    handler = _RunLog(folder.path / "train.log", encoding="utf-8", errors="backslashreplace",
+                      delay=True)  # fmt: skip
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
     logger = logging.getLogger("ludus")
     logger.addHandler(handler)
@@ -235,3 +250,29 @@ def log_file(folder: RunFolder) -> Generator[None, None, None]:
     finally:
         logger.removeHandler(handler)
         handler.close()
+
+
+class _RunLog(logging.FileHandler):
+    """A log that a run does without if it cannot be written."""
+
+    def _open(self) -> Any:
+        return open(
+            self.baseFilename, self.mode, encoding=self.encoding, errors=self.errors,
+            opener=plain_file_opener,
+        )  # fmt: skip
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if self.stream is None:  # FileHandler opens late, and lets errors of that out
+            try:
+                self.stream = self._open()
+            except OSError as error:
+                self._give_up(error)
+                return
+        super().emit(record)
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - of logging
+        self._give_up(sys.exc_info()[1])
+
+    def _give_up(self, error: BaseException | None) -> None:
+        logging.getLogger("ludus").removeHandler(self)
+        log.warning("%s is not written: %s", self.baseFilename, error)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import time
 from collections.abc import Callable, Mapping
@@ -166,8 +167,8 @@ class Trainer:
     ) -> StopReason:
         """Train until a limit of the config is reached or a stop is requested.
 
-        The last state is saved on every way out but a hard one, and but divergence, which is
-        saved elsewhere.
+        The last state is saved on every way out but a second Ctrl-C or SIGTERM, and but
+        divergence, which is saved elsewhere.
 
         Args:
             is_stopping: Asked before each step.
@@ -190,13 +191,12 @@ class Trainer:
             reason = self._loop(is_stopping, reporter, callback, metrics)
         except DivergenceError as error:
             raise self._save_diverged(error) from None
-        except (RunError, KeyboardInterrupt):
-            raise
-        except Exception:  # of an engine, or of a script's callback
-            self.save()
+        except Exception:  # of an engine, a script's callback, the disk, or a defect
+            self._try_to_save()
             raise
         finally:
-            metrics.close()
+            with contextlib.suppress(RunError):  # each line was written, or reported, at once
+                metrics.close()
         self.save()
         return reason
 
@@ -387,6 +387,13 @@ class Trainer:
         self._saved_at_s, self._saved_at_update = self.wall_s, self.updates
         log.debug("saved %s", path)
 
+    def _try_to_save(self) -> None:
+        """Save beside an error, which is what the user has to see even if this fails."""
+        try:
+            self.save()
+        except Exception as error:
+            log.warning("no checkpoint of step %d: %s", self.agent_steps, error)
+
     def _keep(self) -> None:
         """Write a checkpoint that stays for ever, if it is time for one."""
         every = self.config.keep_every_updates
@@ -396,9 +403,14 @@ class Trainer:
 
     def _save_diverged(self, error: DivergenceError) -> DivergenceError:
         path = self._folder.diverged
-        write_checkpoint(path, self._checkpoint())
-        log.error("%s; the state is in %s", error.message, path)
-        saved = f"the state is in {path}, and the last good checkpoint in {self._store.folder}"
+        saved = f"the last good checkpoint is in {self._store.folder}"
+        try:
+            write_checkpoint(path, self._checkpoint())
+        except RunError as second:
+            log.warning("%s", second.message)
+        else:
+            log.error("%s; the state is in %s", error.message, path)
+            saved = f"the state is in {path}, and {saved}"
         return DivergenceError(error.message, f"{error.hint}; {saved}")
 
     def _checkpoint(self) -> Checkpoint:

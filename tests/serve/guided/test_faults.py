@@ -146,6 +146,41 @@ def test_the_newest_loadable_checkpoint_is_resumed(server: Running) -> None:
     assert back["agent_steps"] == int(before.name.removeprefix("step-"))
 
 
+@pytest.mark.parametrize("left", ["update-000000000004", "unloadable-step-000000000008", "none"])
+def test_opening_and_closing_a_run_removes_nothing_of_it(server: Running, left: str) -> None:
+    server.training().hang_up()
+    folder = await_result(server.folder())
+    store = folder.checkpoints()
+    if left != "none":
+        store.paths()[-1].rename(store.folder / left)
+    for path in store.paths():
+        shutil.rmtree(path)
+    game = server.game()
+    game.await_state("standby")
+    game.hang_up()
+    server.end()
+    assert left == "none" or (store.folder / left / "tensors.safetensors").is_file()
+    assert folder.metrics.is_file()
+
+
+def test_a_new_run_that_holds_something_is_kept(server: Running) -> None:
+    game = server.game()
+    game.await_state("standby")
+    (server.folder().path / "notes.txt").write_text("mine")
+    game.hang_up()
+    server.end()
+    assert (server.folder().path / "notes.txt").read_text() == "mine"
+
+
+def test_an_empty_folder_that_was_there_before_is_kept(server: Running) -> None:
+    server.folder().path.mkdir(parents=True)
+    game = server.game()
+    game.await_state("standby")
+    game.hang_up()
+    server.end()
+    assert server.folder().path.is_dir()
+
+
 def test_a_run_without_a_loadable_checkpoint_is_kept_under_another_name(server: Running) -> None:
     server.training().hang_up()
     for path in await_result(server.folder()).checkpoints().paths():

@@ -25,6 +25,7 @@ from ludus.runs.checkpoint import (
     Checkpoint,
     CheckpointStore,
     check_spec,
+    checkpoint_errors,
     write_checkpoint,
 )
 from ludus.runs.run_folder import RunFolder
@@ -91,14 +92,18 @@ class AgentCheckpoints:
             CheckpointError: None can be loaded, or it is of another agent; ``agent`` is useless
                 then.
         """
-        path, checkpoint = self._store(name).newest(set_aside=True)
-        if len(checkpoint.learners) != 1:
-            raise CheckpointError(f"{path} has {len(checkpoint.learners)} agents, expected one")
-        (saved,) = checkpoint.learners
-        check_spec({agent.spec.name: checkpoint.fingerprints[saved]}, _specs(agent), path)
-        agent.sac.load_state(checkpoint.learners[saved])
-        agent.num_steps = int(checkpoint.run["gradient_steps"])
-        agent.num_transitions = checkpoint.agent_steps
+
+        def take(path: Path, checkpoint: Checkpoint) -> None:
+            if len(checkpoint.learners) != 1:
+                raise CheckpointError(f"{path} has {len(checkpoint.learners)} agents, expected one")
+            (saved,) = checkpoint.learners
+            with checkpoint_errors(path):
+                check_spec({agent.spec.name: checkpoint.fingerprints[saved]}, _specs(agent), path)
+                agent.sac.load_state(checkpoint.learners[saved])
+                agent.num_steps = int(checkpoint.run["gradient_steps"])
+            agent.num_transitions = checkpoint.agent_steps
+
+        self._store(name).resume(take)
 
     def _store(self, name: str) -> CheckpointStore:
         return RunFolder(self.folder / name).checkpoints()

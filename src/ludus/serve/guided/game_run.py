@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import re
 import secrets
-import shutil
 from collections.abc import Generator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -16,7 +15,7 @@ from ludus.algorithms.learners import make_learners
 from ludus.disk import disk_errors
 from ludus.errors import CheckpointError, DivergenceError, RunError
 from ludus.pool.interface import Pool
-from ludus.runs.checkpoint import Checkpoint
+from ludus.runs.checkpoint import Checkpoint, checkpoint_errors
 from ludus.runs.curve import draw_learning_curve
 from ludus.runs.metrics import MetricsLog
 from ludus.runs.run_folder import RunFolder
@@ -31,6 +30,8 @@ NO_LIMIT = 10**15
 """Total agent steps of a run that trains until it is stopped."""
 POLICIES = "policies"
 UNNAMED = "game"
+SETUP_FILES = ("config.json", "train.log")
+"""What a run has before anything is trained."""
 
 log = logging.getLogger(__name__)
 
@@ -61,14 +62,11 @@ class GameRun:
         return self.folder.path / POLICIES
 
     def end(self) -> None:
-        """Write how training ended; remove the run if nothing was trained or written.
+        """Write how training ended.
 
         Raises:
             RunError: A file cannot be written.
         """
-        if not self.folder.checkpoints().paths() and not self.policies_folder.exists():
-            shutil.rmtree(self.folder.path, ignore_errors=True)
-            return
         write_result(self.trainer, self.folder, self.stop_reason)
         draw_learning_curve(self.folder.metrics, self.folder.learning_curve, self.folder.path.name)
 
@@ -109,13 +107,13 @@ def opened_run(config: TrainConfig, pool: Pool) -> Generator[GameRun, None, None
     """
     folder = RunFolder(config.runs / config.name)
     with ExitStack() as stack:
-        _hold(stack, folder)
+        is_new = _hold(stack, folder)
         try:
             run = _resume(config, pool, folder) or _create(config, pool, folder)
         except CheckpointError as error:
             stack.close()
             kept = _rename_old(folder)
-            _hold(stack, folder)
+            is_new = _hold(stack, folder)
             message = f"new run; the previous one is kept as {kept.name}: {error.message}"
             run = replace(_create(config, pool, folder), message=message)
         folder.write_config(run.config)
@@ -127,12 +125,14 @@ def opened_run(config: TrainConfig, pool: Pool) -> Generator[GameRun, None, None
             run.stop_reason = "diverged"
             raise
         finally:
-            run.end()
+            if not is_new or not folder.discard_if_unused(SETUP_FILES):
+                run.end()
 
 
-def _hold(stack: ExitStack, folder: RunFolder) -> None:
-    """Create the folder if it is missing, and lock it against other processes."""
+def _hold(stack: ExitStack, folder: RunFolder) -> bool:
+    """Create the folder if it is missing, lock it, and return whether it was missing."""
     with disk_errors(f"the run folder {folder.path}"):
+        is_new = not folder.path.exists()
         folder.path.mkdir(parents=True, exist_ok=True)
     stack.enter_context(folder.locked())
     is_run = (folder.path / "config.json").is_file()
@@ -142,6 +142,7 @@ def _hold(stack: ExitStack, folder: RunFolder) -> None:
             "give the game's run another name, or move the folder away",
         )
     stack.enter_context(log_file(folder))
+    return is_new
 
 
 def _create(config: TrainConfig, pool: Pool, folder: RunFolder) -> GameRun:
@@ -164,33 +165,35 @@ def _resume(config: TrainConfig, pool: Pool, folder: RunFolder) -> GameRun | Non
     """
     store = folder.checkpoints(config.keep_checkpoints)
     store.clean()
-    if not store.paths():
+    if not store.paths() and not store.kept():
         return None
-    path, checkpoint = store.newest(has_replay=True, set_aside=True)
-    _check_match(checkpoint, config, pool, path)
+
+    run = store.resume(lambda path, checkpoint: _load(config, pool, folder, (path, checkpoint)))
+    MetricsLog.forget_after(folder.metrics, run.trainer.agent_steps)
+    return run
+
+
+def _load(
+    config: TrainConfig, pool: Pool, folder: RunFolder, saved: tuple[Path, Checkpoint]
+) -> GameRun:
+    path, checkpoint = saved
+    with checkpoint_errors(path):
+        _check_match(checkpoint, config, pool, path)
     config = replace(config, seed=checkpoint.config.get("seed"))
     message = f"{folder.path.name} goes on at {checkpoint.agent_steps} steps"
+    run = _make_run(config, pool, folder, message)
     try:
-        run = _load(config, pool, folder, checkpoint)
+        with checkpoint_errors(path):
+            run.trainer.resume(checkpoint)
     except CheckpointError:
         if not any(learner.replay for learner in checkpoint.learners.values()):
             raise
         learners = {name: replace(of, replay={}) for name, of in checkpoint.learners.items()}
-        run = _load(config, pool, folder, replace(checkpoint, learners=learners))
         message += ", without its replay, which no longer matches"
-    MetricsLog.forget_after(folder.metrics, checkpoint.agent_steps)
+        run = _make_run(config, pool, folder, message)
+        with checkpoint_errors(path):
+            run.trainer.resume(replace(checkpoint, learners=learners))
     log.info("resumed from %s", path)
-    return replace(run, message=message)
-
-
-def _load(config: TrainConfig, pool: Pool, folder: RunFolder, checkpoint: Checkpoint) -> GameRun:
-    run = _make_run(config, pool, folder, "")
-    try:
-        run.trainer.resume(checkpoint)
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise CheckpointError(
-            f"its checkpoint cannot be loaded: {type(error).__name__}: {error}"
-        ) from None
     return run
 
 
