@@ -8,6 +8,7 @@ import shlex
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -94,7 +95,10 @@ def test_the_same_project_serves_gymgodots_python(project: Path, scene: str) -> 
 
 
 def test_the_same_scene_serves_the_wire_of_gymgodot(project: Path) -> None:
-    settings = {"action_space": "Box(-1, 1, (1,))", "observation_space": "Box(-inf, inf, (3,))"}
+    settings: dict[str, Any] = {
+        "action_space": "Box(-1, 1, (1,))",
+        "observation_space": "Box(-inf, inf, (3,))",
+    }
     with ludus.make(f"gymgodot:{project / 'walk.tscn'}", **settings) as env:
         env.reset()
         for count in range(1, 7):
@@ -107,7 +111,7 @@ def test_the_same_scene_serves_the_wire_of_gymgodot(project: Path) -> None:
 def test_a_lost_environment_node_ends_the_game(project: Path) -> None:
     text = (PROJECT / "walk.tscn").read_text()
     (project / "lost.tscn").write_text(NODE.sub('environmentNode = NodePath("../Nobody")', text))
-    settings = {"action_space": "Discrete(2)", "observation_space": "Discrete(2)"}
+    settings: dict[str, Any] = {"action_space": "Discrete(2)", "observation_space": "Discrete(2)"}
     with pytest.raises(EngineCrashed, match=r"'\.\./Nobody' leads nowhere"):
         ludus.make(f"gymgodot:{project / 'lost.tscn'}", **settings)
 

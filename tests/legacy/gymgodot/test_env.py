@@ -75,6 +75,32 @@ def test_both_ids_take_the_old_arguments(opener: Opener, name: str, tmp_path: Pa
     env.close()
 
 
+def test_gym_021_returns_what_the_notebook_got(tmp_path: Path) -> None:
+    settings: dict[str, Any] = {
+        "serverPort": 0,
+        "exeCmd": fake_command("walk"),
+        "action_space": gymnasium.spaces.Box(-1.0, 1.0, (1,)),
+        "observation_space": gymnasium.spaces.Box(-9.0, 9.0, (2,), np.float64),
+        "renderPath": f"{tmp_path}/",
+    }
+    env: Any = gymnasium.make("server-v0", compatibility="gym-0.21", **settings)
+    try:
+        env.seed(3)
+        observation, reward, done, info = env.step(HALF)  # before the first reset, as there
+        assert (observation.dtype, observation.tolist()) == (np.float32, [0.5, 1.0])
+        assert (reward, done, info) == (0.5, False, {})
+        first = env.reset()
+        assert (first.dtype, first.tolist()) == (np.float32, [0.0, 0.0])
+        assert [env.step(HALF)[2] for _ in range(7)] == [False] * 6 + [True]
+        assert env.step(HALF)[2]  # and after the end
+        assert env.render(mode="human") is None
+        assert (tmp_path / "0.png").is_file()
+    finally:
+        env.close()
+    with pytest.raises(ConfigError, match=r"compatibility is 'gym-0\.26', expected None"):
+        gymnasium.make("server-v0", compatibility="gym-0.26", **settings)
+
+
 def test_gymnasium_checker_passes(opener: Opener) -> None:
     space = gymnasium.spaces.Box(-100.0, 100.0, (2,))
     env = opener.fake("walk", render_mode="rgb_array", observation_space=space)

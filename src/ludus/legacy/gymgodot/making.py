@@ -23,7 +23,11 @@ __all__ = ["Settings", "make", "make_rendering", "open_game"]
 _USUAL_STEP_LENGTH = 2
 """Frames of a step in GymGodot unless the scene says otherwise, which the wire does not tell."""
 
-_CHOICES = {"render_mode": (None, "rgb_array"), "proc_mode": ("process", "thread")}
+_CHOICES = {
+    "render_mode": (None, "rgb_array"),
+    "proc_mode": ("process", "thread"),
+    "compatibility": (None, "gym-0.21"),
+}
 _PACKAGES = {"websockets": "websockets", "PIL": "pillow"}
 _MAX_PORT = 65535
 
@@ -71,6 +75,7 @@ def make(
     proc_mode: str = "process",
     render_mode: str | None = None,
     log_path: str | Path | None = None,
+    compatibility: str | None = None,
     **settings: Any,
 ) -> GymGodotEnv:
     """Start a GymGodot project and wait until it has connected.
@@ -86,6 +91,8 @@ def make(
         proc_mode: Without effect, for old programs.
         render_mode: ``"rgb_array"``: ``render`` also returns the frame.
         log_path: File that gets a copy of what the game prints.
+        compatibility: ``"gym-0.21"``: ``reset`` and ``step`` return what GymGodot's own environment
+            returned: the observation alone, and four values.
         settings: Further fields of :class:`Settings`, such as ``exeCmd``.
 
     Raises:
@@ -95,7 +102,8 @@ def make(
         EngineCrashed: The command ended before the game connected.
     """
     read = Settings(action_space=action_space, observation_space=observation_space, **settings)
-    for name, value in (("render_mode", render_mode), ("proc_mode", proc_mode)):
+    given = {"render_mode": render_mode, "proc_mode": proc_mode, "compatibility": compatibility}
+    for name, value in given.items():
         if value not in _CHOICES[name]:
             known = " or ".join(map(repr, _CHOICES[name]))
             raise ConfigError(f"{name} is {value!r}, expected {known}")
@@ -110,6 +118,10 @@ def make(
     except BaseException:
         frames.close()
         raise
+    if compatibility is not None:
+        from ludus.legacy.gymgodot.gym_021 import Gym021Env
+
+        return Gym021Env(game, frames, render_mode)
     return GymGodotEnv(game, frames, render_mode)
 
 
