@@ -167,15 +167,15 @@ def play_alone(game: Path, home: Path, num_episodes: int, *options: str) -> Play
         command,
         cwd=home,
         env={"HOME": str(home)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
         text=True,
     ) as process:
         watchdog = threading.Timer(TIMEOUT_S, process.kill)
         watchdog.start()
         try:
-            assert process.stdout is not None
-            reports = (line for line in process.stdout if line.startswith("ludus-episode "))
+            assert process.stderr is not None
+            reports = (line for line in process.stderr if line.startswith("ludus-episode "))
             lines = list(itertools.islice(reports, num_episodes))
             assert len(lines) == num_episodes, "the game ended, or took too long"
             running = psutil.Process(process.pid)

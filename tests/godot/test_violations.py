@@ -92,11 +92,18 @@ def test_the_rules_can_be_kept(trainer: Trainer) -> None:
     trainer.expect_the_end(exit_code=0)
 
 
+def choices(*numbers: int) -> bytes:
+    return frame("STEP", struct.pack(f"<{len(numbers)}q", *numbers))
+
+
+SLOT_1 = "STEP, policy agent, slot 1, action action"
 # what the trainer sends, whether it has reset, the code and a part of the message
 VIOLATIONS: dict[str, tuple[bytes, bool, str, str]] = {
     "step before reset": (STEP, False, "sequence", "before the first RESET"),
     "short step": (frame("STEP", bytes(8)), True, "frame", "STEP has 8 bytes, expected 16"),
     "long step": (frame("STEP", bytes(24)), True, "frame", "STEP has 24 bytes, expected 16"),
+    "choice above": (choices(0, 2), True, "frame", f"{SLOT_1}: expected 0 to 1, got 2"),
+    "choice below": (choices(0, -1), True, "frame", f"{SLOT_1}: expected 0 to 1, got "),
     "malformed reset": (frame("RESET", bytes(8)), True, "frame", "malformed RESET"),
     "second welcome": (json_frame("WELCOME", WELCOME), True, "sequence", "type 2"),
     "frame of an engine": (frame("BATCH", b""), True, "frame", "type 6"),
@@ -158,5 +165,10 @@ def test_a_trainer_that_is_silent_for_too_long(trainer: Trainer) -> None:
     config = {**WELCOME["config"], "idle_timeout_s": 1}
     trainer.link.send(json_frame("WELCOME", {**WELCOME, "config": config}))
     trainer.expect(FrameType.SPEC)
+    report = trainer.expect(FrameType.ERROR)
+    assert (report["code"], report["message"]) == (
+        "timeout",
+        "the trainer was silent for too long",
+    )
     assert trainer.process.wait(20.0) is not None
     assert any("silent for too long" in line for line in trainer.process.last_lines())

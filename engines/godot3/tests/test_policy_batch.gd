@@ -81,7 +81,8 @@ func test_actions_are_repeated_every_tick_or_not() -> void:
 		agents[0].action_timing = timing
 		var batch := _batch(agents)
 		batch.activate_all()
-		var _end := batch.apply_actions(LudusWire.long_bytes([1]), 0)
+		var _end := batch.read_actions(LudusWire.long_bytes([1]), 0)
+		batch.hand_out_actions()
 		batch.repeat_actions()
 		var is_every_tick: bool = timing == LudusAgent.ActionTiming.EVERY_TICK
 		equal(agents[0].applied, [1, 1] if is_every_tick else [1], "actions")

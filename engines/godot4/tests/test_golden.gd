@@ -75,7 +75,8 @@ func test_step_is_read() -> void:
 		for policy: Dictionary in golden.spec["policies"]:
 			var batch := _batch_of(policy)
 			batch.active.fill(1)
-			var end := batch.apply_actions(golden.payload(), offset)
+			var end := batch.read_actions(golden.payload(), offset)
+			batch.hand_out_actions()
 			equal(end - offset, batch.action_bytes(), golden.name)
 			offset = end
 			var actions: Dictionary = golden.content["policies"][policy["name"]]

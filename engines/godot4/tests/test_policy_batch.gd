@@ -60,7 +60,8 @@ func test_actions_are_repeated_every_tick_or_not() -> void:
 		agents[0].action_timing = timing
 		var batch := _batch(agents)
 		batch.active.fill(1)
-		batch.apply_actions(PackedInt64Array([1]).to_byte_array(), 0)
+		batch.read_actions(PackedInt64Array([1]).to_byte_array(), 0)
+		batch.hand_out_actions()
 		batch.repeat_actions()
 		var is_every_tick := timing == LudusAgent.ActionTiming.EVERY_TICK
 		equal(agents[0].applied.size(), 2 if is_every_tick else 1, "actions")

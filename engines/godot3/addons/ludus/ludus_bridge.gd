@@ -234,7 +234,10 @@ func _handle_step() -> bool:
 	if num_bytes != _game.action_bytes:
 		_fail("frame", "STEP has %d bytes, expected %d" % [num_bytes, _game.action_bytes])
 		return false
-	_game.apply_actions(_link.payload)
+	var misfit: String = _game.apply_actions(_link.payload)
+	if not misfit.empty():
+		_fail("frame", misfit)
+		return false
 	_ticks_left = _game.ticks_per_step
 	_engine_us = 0
 	_batch_flags = 0

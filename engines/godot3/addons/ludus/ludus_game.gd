@@ -87,11 +87,19 @@ func reset(request: Dictionary) -> void:
 	_gather_errors()
 
 
-## Hands the game the actions of a [code]STEP[/code].
-func apply_actions(payload: PoolByteArray) -> void:
+## Hands the game the actions of a [code]STEP[/code]. Returns what is wrong with them, or an empty
+## text; then the game got none.
+func apply_actions(payload: PoolByteArray) -> String:
 	var offset := 0
 	for policy in policies:
-		offset = policy.apply_actions(payload, offset)
+		offset = policy.read_actions(payload, offset)
+	for policy in policies:
+		var misfit: String = policy.find_wrong_choice()
+		if not misfit.empty():
+			return misfit
+	for policy in policies:
+		policy.hand_out_actions()
+	return ""
 
 
 ## Hands the game the actions of the current step again.
@@ -185,7 +193,7 @@ func _rosters() -> Dictionary:
 			if members.size() != _slots_per_world[name]:
 				error = (
 					"world %d has %d agents of policy %s, world 0 has %d"
-					% [world.index, members.size(), name, _slots_per_world[name]]
+					% [i, members.size(), name, _slots_per_world[name]]
 				)
 				return {}
 			rosters[name].append_array(members)
@@ -313,7 +321,7 @@ func _replace_world(i: int) -> void:
 		var num_slots: int = _slots_per_world[policy.policy_name]
 		var members: Array = by_policy.get(policy.policy_name, [])
 		if members.size() != num_slots:
-			error = "world %d came back with other agents than it had at the start" % world.index
+			error = "world %d came back with other agents than it had at the start" % i
 			return
 		for k in num_slots:
 			policy.set_agent(i * num_slots + k, members[k])

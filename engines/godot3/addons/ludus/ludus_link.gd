@@ -2,13 +2,14 @@ class_name LudusLink
 extends Reference
 ## A blocking connection to the trainer that carries whole frames.
 ##
-## A read has no time limit of its own in Godot; a thread beside it ends the process when the
-## deadline has passed, or when the process that started the game is gone. Godot 3 has no Unix
-## sockets.
+## A read has no time limit of its own in Godot; a thread beside it tells the trainer and ends the
+## process when the deadline has passed, or ends it when the process that started the game is gone.
+## Godot 3 has no Unix sockets.
 
 const CONNECT_POLL_MS := 5
 const WATCH_INTERVAL_MS := 100
 const FRAME_TIMEOUT_MS := 30000
+const SILENCE := "the trainer was silent for too long"
 ## Between one look and the next it takes so long only if the core was taken away meanwhile.
 const AWAY_US := 1000
 ## So many lost looks within [constant LOST_WITHIN_US] mean nothing: updates, other work.
@@ -227,7 +228,12 @@ func _enforce_deadlines(_data = null) -> void:
 		if is_closing:
 			return
 		if is_over:
-			printerr("ludus: the trainer was silent for too long; the game quits")
+			printerr("ludus: %s; the game quits" % SILENCE)
+			# The other thread only reads. A trainer that takes nothing in is not waited for.
+			var report := {"code": "timeout", "message": SILENCE, "hint": ""}
+			var _sent := _stream.put_partial_data(
+				LudusWire.json_frame(LudusWire.Type.ERROR, report)
+			)
 			_die()
 		if not _parent_path.empty() and not file.file_exists(_parent_path):
 			_die()

@@ -1,3 +1,4 @@
+# gdlint: disable=max-public-methods
 class_name LudusPolicyBatch
 extends Reference
 ## All agents of one policy in slots: hands out their actions, puts their observations together.
@@ -161,9 +162,8 @@ func reward(slot: int) -> float:
 	return _rewards[slot]
 
 
-## Reads the actions from a [code]STEP[/code] at [param offset] and hands them to the game. Returns
-## the offset of what follows.
-func apply_actions(payload: PoolByteArray, offset: int) -> int:
+## Reads the actions from a [code]STEP[/code] at [param offset]. Returns the offset of what follows.
+func read_actions(payload: PoolByteArray, offset: int) -> int:
 	var num_choices := agents.size() * layout.num_discrete
 	if num_choices > 0:
 		_discrete = LudusWire.read_choices(payload, offset, num_choices)
@@ -172,8 +172,23 @@ func apply_actions(payload: PoolByteArray, offset: int) -> int:
 	if num_numbers > 0:
 		_continuous = Array(LudusWire.read_floats(payload, offset, num_numbers))
 		offset += LudusWire.padded(num_numbers * 4)
-	_apply()
 	return offset
+
+
+## Says which choice of an agent that acts is none, or returns an empty text.
+func find_wrong_choice() -> String:
+	if layout.are_all_choices(_discrete):
+		return ""
+	for slot in active.size():
+		var misfit: String = layout.find_wrong_choice(slot, _discrete) if active[slot] == 1 else ""
+		if not misfit.empty():
+			return "STEP, policy %s, slot %d, %s" % [policy_name, slot, misfit]
+	return ""
+
+
+## Hands the actions that were read to the game.
+func hand_out_actions() -> void:
+	_apply()
 
 
 ## Hands actions of all slots to the game.
@@ -414,4 +429,4 @@ func _where(slot: int) -> String:
 	var agent: LudusAgent = agents[slot]
 	if agent == null:
 		return "policy %s, slot %d" % [policy_name, slot]
-	return "world %d, agent %s, step %d" % [agent.world.index, agent.path_in_world(), _steps[slot]]
+	return "world %d, agent %s, step %d" % [_slot_worlds[slot], agent.path_in_world(), _steps[slot]]

@@ -2,6 +2,9 @@ class_name LudusPolicyLayout
 extends Reference
 ## What all agents of a policy have in common: entries, action components, limits, sizes.
 
+## More alternatives are not counted.
+const MAX_COUNTED := 32
+
 ## Entries of the observation, in wire order.
 var entries: Array = []
 ## Components of the action, in wire order.
@@ -23,6 +26,8 @@ var continuous_size: int = 0
 ## What is wrong with the declarations, or an empty text.
 var error: String = ""
 
+## The fewest alternatives of a choice.
+var _fewest_alternatives: int = 1 << 62
 var _settings: Dictionary = {}
 var _episode: String = "agent"
 
@@ -39,6 +44,7 @@ func _init(first: LudusAgent, max_steps_override: int, known_entries: Array = []
 		if part.kind == LudusActionComponent.Kind.DISCRETE:
 			num_discrete += 1
 			mask_size += part.n
+			_fewest_alternatives = int(min(_fewest_alternatives, part.n))
 		else:
 			continuous_size += part.size
 	entries = first.observation if not first.observation.empty() else known_entries
@@ -58,6 +64,29 @@ func is_flat() -> bool:
 ## Number of bytes of the actions of [param num_agents] agents (PROTOCOL.md §6).
 func action_bytes(num_agents: int) -> int:
 	return num_agents * num_discrete * 8 + LudusWire.padded(num_agents * continuous_size * 4)
+
+
+## Whether all choices are choices of the component with the fewest alternatives. A quick look that
+## may say no where nothing is wrong: it counts, so that no line of GDScript runs per agent.
+func are_all_choices(discrete: Array) -> bool:
+	if num_discrete == 0:
+		return true
+	var num_found := 0
+	for choice in int(min(_fewest_alternatives, MAX_COUNTED)):
+		num_found += discrete.count(choice)
+	return num_found == discrete.size()
+
+
+## Says which choice of a slot is none, or returns an empty text.
+func find_wrong_choice(slot: int, discrete: Array) -> String:
+	var i := slot * num_discrete
+	for part in components:
+		if part.kind != LudusActionComponent.Kind.DISCRETE:
+			continue
+		if discrete[i] < 0 or discrete[i] >= part.n:
+			return "action %s: expected 0 to %d, got %d" % [part.name, part.n - 1, discrete[i]]
+		i += 1
+	return ""
 
 
 ## One agent's action, as the game gets it.

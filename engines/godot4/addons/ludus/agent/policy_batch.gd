@@ -1,3 +1,4 @@
+# gdlint: disable=max-public-methods
 extends RefCounted
 ## All agents of one policy in slots: hands out their actions, puts their observations together.
 ##
@@ -135,16 +136,31 @@ func reward(slot: int) -> float:
 	return _rewards[slot]
 
 
-## Reads the actions from a [code]STEP[/code] at [param offset] and hands them to the game. Returns
-## the offset of what follows.
-func apply_actions(payload: PackedByteArray, offset: int) -> int:
+## Reads the actions from a [code]STEP[/code] at [param offset]. Returns the offset of what follows.
+func read_actions(payload: PackedByteArray, offset: int) -> int:
 	var num := agents.size()
 	var middle := offset + layout.discrete_bytes(num)
-	set_actions(
-		payload.slice(offset, offset + num * layout.num_discrete * 8).to_int64_array(),
+	_discrete = payload.slice(offset, offset + num * layout.num_discrete * 8).to_int64_array()
+	_continuous = (
 		payload.slice(middle, middle + num * layout.continuous_size * 4).to_float32_array()
 	)
 	return middle + LudusWire.padded(num * layout.continuous_size * 4)
+
+
+## Says which choice of an agent that acts is none, or returns an empty text.
+func find_wrong_choice() -> String:
+	if layout.are_all_choices(_discrete):
+		return ""
+	for slot: int in active.size():
+		var misfit := layout.find_wrong_choice(slot, _discrete) if active[slot] == 1 else ""
+		if not misfit.is_empty():
+			return "STEP, policy %s, slot %d, %s" % [policy_name, slot, misfit]
+	return ""
+
+
+## Hands the actions that were read to the game.
+func hand_out_actions() -> void:
+	_apply()
 
 
 ## Hands actions of all slots to the game.
@@ -344,4 +360,4 @@ func _where(slot: int) -> String:
 	var agent := agents[slot]
 	if agent == null:
 		return "policy %s, slot %d" % [policy_name, slot]
-	return "world %d, agent %s, step %d" % [agent.world.index, agent.path_in_world(), _steps[slot]]
+	return "world %d, agent %s, step %d" % [_slot_worlds[slot], agent.path_in_world(), _steps[slot]]

@@ -3,6 +3,9 @@ extends RefCounted
 
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
+## More alternatives are not counted.
+const MAX_COUNTED := 32
+
 ## Entries of the observation, in wire order.
 var entries: Array[LudusObservationEntry] = []
 ## Components of the action, in wire order.
@@ -24,6 +27,8 @@ var continuous_size: int = 0
 ## What is wrong with the declarations, or an empty text.
 var error: String = ""
 
+## The fewest alternatives of a choice.
+var _fewest_alternatives: int = 1 << 62
 var _settings: Dictionary = {}
 var _episode: String = "agent"
 
@@ -42,6 +47,7 @@ func _init(
 		if part.kind == LudusActionComponent.Kind.DISCRETE:
 			num_discrete += 1
 			mask_size += part.n
+			_fewest_alternatives = mini(_fewest_alternatives, part.n)
 		else:
 			continuous_size += part.size
 	entries = first.observation if not first.observation.is_empty() else known_entries
@@ -66,6 +72,29 @@ func action_bytes(num_agents: int) -> int:
 ## Number of bytes of their choices.
 func discrete_bytes(num_agents: int) -> int:
 	return LudusWire.padded(num_agents * num_discrete * 8)
+
+
+## Whether all choices are choices of the component with the fewest alternatives. A quick look that
+## may say no where nothing is wrong: it counts, so that no line of GDScript runs per agent.
+func are_all_choices(discrete: PackedInt64Array) -> bool:
+	if num_discrete == 0:
+		return true
+	var num_found := 0
+	for choice: int in mini(_fewest_alternatives, MAX_COUNTED):
+		num_found += discrete.count(choice)
+	return num_found == discrete.size()
+
+
+## Says which choice of a slot is none, or returns an empty text.
+func find_wrong_choice(slot: int, discrete: PackedInt64Array) -> String:
+	var i := slot * num_discrete
+	for part: LudusActionComponent in components:
+		if part.kind != LudusActionComponent.Kind.DISCRETE:
+			continue
+		if discrete[i] < 0 or discrete[i] >= part.n:
+			return "action %s: expected 0 to %d, got %d" % [part.name, part.n - 1, discrete[i]]
+		i += 1
+	return ""
 
 
 ## One agent's action, as the game gets it.

@@ -93,6 +93,8 @@ var message: String = ""
 var modes: Dictionary[String, LudusBridge.PolicyMode] = {}
 
 var _server: LudusTrainerProcess
+## Whether a trainer was found that has told nothing yet; a second connection would be refused.
+var _is_greeting: bool = false
 var _is_start_due: bool = false
 var _deadline_ms: int = 0
 var _retry_ms: int = 0
@@ -202,12 +204,13 @@ func _ready() -> void:
 
 
 func _process(_delta: float) -> void:
-	if state != State.CONNECTING or Time.get_ticks_msec() < _retry_ms:
+	if state != State.CONNECTING or _is_greeting or Time.get_ticks_msec() < _retry_ms:
 		return
 	_retry_ms = Time.get_ticks_msec() + RETRY_MS
 	var link := LudusLink.new()
 	if link.connect_to(["tcp:127.0.0.1:%d" % port], CONNECT_TIMEOUT_MS):
 		_has_been_online = true
+		_is_greeting = true
 		farewell = ""
 		message = ""
 		LudusBridge.guide(self, link)
@@ -256,6 +259,7 @@ func _stand_by() -> void:
 
 
 func _enter(next: State) -> void:
+	_is_greeting = false
 	if next != state:
 		state = next
 		state_changed.emit(state)

@@ -49,7 +49,7 @@ func _check_sharing() -> void:
 		if host != null and host.is_sharing() and error.is_empty():
 			error = (
 				"world %d: %s awaits ticks to begin: in the grid no world can tick alone"
-				% [world.index, host.simulation.describe()]
+				% [_stage.worlds.find(world), host.simulation.describe()]
 			)
 
 
@@ -62,5 +62,5 @@ func _check_limit() -> void:
 		if _num_ticks >= limit:
 			error = (
 				"world %d: %s: create() and begin_episode() are not over after %d ticks"
-				% [world.index, host.simulation.describe(), limit]
+				% [_stage.worlds.find(world), host.simulation.describe(), limit]
 			)
