@@ -14,6 +14,7 @@ import pytest
 
 from ludus.check import CheckConfig, CheckReport, Status, run_checks
 from ludus.cli.main import main
+from ludus.runs.metrics import read_metrics
 from tests.legacy.gymgodot.conftest import ROOT
 
 pytestmark = [pytest.mark.engine, pytest.mark.bevy, pytest.mark.timeout(600, func_only=True)]
@@ -22,6 +23,8 @@ PAGE = (ROOT / "docs/bevy.md").read_text()
 WORKSPACE = ROOT / "engines/bevy"
 CHECKOUT = "path/to/ludus/engines/bevy/crates"
 PUBLISHED = ("bevy_ludus_derive", "bevy_ludus", "bevy_ludus_rest")
+BEGUN = "*runner = Runner { position: 0.0, flag: world.random.range(-0.9..0.9) };"
+REPORT = 'world.report_metric("flag", runner.flag);'
 ISOLATED = r"\s*\.isolated_by\(.*?\}\)\s*\.layout\(WorldLayout::Grid\)"
 
 
@@ -36,9 +39,8 @@ def block(language: str) -> str:
 def crates(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the crates, taken out of the files that Cargo would upload."""
     folder = tmp_path_factory.mktemp("crates")
-    names = [argument for crate in PUBLISHED for argument in ("--package", crate)]
     # What they depend on is built below, by the game; verifying would build all of it once more.
-    cargo = ["cargo", "package", "--quiet", "--allow-dirty", "--no-verify", *names]
+    cargo = ["cargo", "package", "--workspace", "--quiet", "--allow-dirty", "--no-verify"]
     subprocess.run([*cargo, "--target-dir", str(folder)], cwd=WORKSPACE, check=True)
     for crate in PUBLISHED:
         (file,) = (folder / "package").glob(f"{crate}-[0-9]*.crate")
@@ -106,14 +108,21 @@ def test_the_game_of_the_page_passes(package: Path) -> None:
     assert verdict.data["verdict"] == "equal to the bit"
 
 
-def test_the_game_of_the_page_trains(package: Path, tmp_path: Path) -> None:
-    game = build(package, block("rust,no_run"))
+def test_the_game_of_the_page_trains_and_its_metrics_arrive(package: Path, tmp_path: Path) -> None:
+    program = block("rust,no_run")
+    assert program.count(BEGUN) == 1
+    game = build(package, program.replace(BEGUN, f"{BEGUN}\n{REPORT}"))
     arguments = [
         "train", str(game), "--total-steps", "512", "--num-worlds", "8", "--num-engines", "1",
         "--runs", str(tmp_path), "--name", "short", "--ppo.rollout-steps", "16",
     ]  # fmt: skip
     assert main(arguments) == 0
-    assert (tmp_path / "short" / "config.json").is_file()
+    lines = read_metrics(tmp_path / "short" / "metrics.jsonl")
+    flags = [line["game"]["flag"] for line in lines if "game" in line]
+    assert flags
+    assert all(-0.9 <= flag["min"] <= flag["mean"] <= flag["max"] <= 0.9 for flag in flags)
+    episodes = lines[-1]["policies"]["runner"]["episodes"]
+    assert sum(flag["count"] for flag in flags) == episodes
 
 
 def test_a_game_with_one_layout_passes_in_that(package: Path) -> None:

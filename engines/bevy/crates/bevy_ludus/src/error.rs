@@ -2,6 +2,8 @@
 
 #[cfg(feature = "camera")]
 use crate::camera::PictureError;
+#[cfg(feature = "trainer")]
+use crate::metrics::MetricError;
 use crate::model::PolicyFileError;
 use crate::wire::WireError;
 use bevy_app::AppExit;
@@ -60,6 +62,14 @@ pub(crate) enum GameError {
         /// Where the file is.
         place: String,
         error: PolicyFileError,
+    },
+    #[cfg(feature = "trainer")]
+    #[error("world {world} (entity {entity}): {error}")]
+    Metric {
+        /// Among all worlds of all engines.
+        world: u64,
+        entity: Entity,
+        error: MetricError,
     },
     #[cfg(feature = "trainer")]
     #[error("the game cannot make an app for each world")]

@@ -98,6 +98,7 @@ mod advance;
 mod ending;
 mod error;
 mod methods;
+mod metrics;
 mod opening;
 mod play;
 mod plugin;

@@ -1,5 +1,6 @@
 //! Worlds: isolated copies of the game, each with its own random stream.
 
+use crate::metrics::Metrics;
 use crate::random::RandomStream;
 use bevy_ecs::prelude::*;
 use serde_json::{Map, Value};
@@ -19,6 +20,7 @@ pub struct LudusWorld {
     pub random: RandomStream,
     /// What the trainer chose for this world, by name; survives from episode to episode.
     pub parameters: Map<String, Value>,
+    pub(crate) metrics: Metrics,
     index: u64,
     seed: u64,
     num_episodes: u64,
@@ -32,6 +34,7 @@ impl LudusWorld {
         Self {
             random: RandomStream::of_episode(seed, 0),
             parameters: Map::new(),
+            metrics: Metrics::default(),
             index,
             seed,
             num_episodes: 0,
@@ -64,6 +67,30 @@ impl LudusWorld {
             .get(name)
             .and_then(Value::as_f64)
             .map_or(default, |number| number as f32)
+    }
+
+    /// Adds a value to a metric of the training run: its mean, lowest and highest value and count since
+    /// the last update go to all places where metrics go, such as `metrics.jsonl` and TensorBoard. Does
+    /// nothing where nobody trains the game.
+    ///
+    /// There may be 64 metrics, with names of 1 to 128 characters, none of them a control character. NaN,
+    /// infinity, another name or a 65th metric ends the training with an error that names the world.
+    ///
+    /// ```
+    /// # use bevy_ecs::prelude::*;
+    /// # use bevy_ludus::prelude::*;
+    /// # #[derive(Component)]
+    /// # struct Jumper { height: f32 }
+    /// fn land(jumpers: Query<(&Jumper, &InWorld)>, mut worlds: Query<&mut LudusWorld>) {
+    ///     for (jumper, home) in &jumpers {
+    ///         if let Ok(mut world) = worlds.get_mut(home.0) {
+    ///             world.report_metric("height", jumper.height);
+    ///         }
+    ///     }
+    /// }
+    /// ```
+    pub fn report_metric(&mut self, name: &str, value: impl Into<f64>) {
+        self.metrics.report(name, value.into());
     }
 
     pub(crate) fn set_seed(&mut self, seed: u64) {

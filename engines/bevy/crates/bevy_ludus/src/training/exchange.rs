@@ -100,6 +100,9 @@ fn connect_and_open(world: &mut World, arguments: &CommandLine) -> Result<(), Fa
         world.resource_mut::<Requests>().open();
         trainer.host.open_requests();
     }
+    if welcome.capabilities.iter().any(|name| name == "metrics") {
+        trainer.open_metrics(world);
+    }
     let frame = encode_json(FrameType::Spec, trainer.host.spec(world))?;
     trainer.send(FrameType::Spec, &frame)?;
     // However many ticks a step has, none is dropped; nor those of the first update, in which
@@ -224,7 +227,11 @@ fn take_call(world: &mut World, trainer: &mut Trainer) -> Result<Option<Next>, F
         trainer.state.require_reset();
         return go_on(world, trainer, Ceiling::new(call.id, num_steps, seed));
     }
-    let outcome = if call.is_for_bridge() {
+    let outcome = if call.is_for_bridge() && call.method == "take_requests" {
+        let mut requests = world.resource_mut::<Requests>().take();
+        requests.extend(trainer.take_metrics(world)?);
+        Ok(Value::Array(requests))
+    } else if call.is_for_bridge() {
         call_bridge(world, &call)
     } else if let Some(number) = call.world() {
         trainer.host.call(world, &call, number)
@@ -262,7 +269,6 @@ fn go_on(
 
 fn call_bridge(world: &mut World, call: &Call) -> Result<Value, String> {
     match call.method.as_str() {
-        "take_requests" => Ok(Value::Array(world.resource_mut::<Requests>().take())),
         "show_status" => {
             let status = call.arguments.first().cloned().unwrap_or(Value::Null);
             let status: TrainingStatus = serde_json::from_value(status)

@@ -9,8 +9,12 @@ use crate::methods::{self, MethodResult};
 use crate::requests::Requests;
 use crate::stage::Stage;
 use crate::wire::{BatchHead, Call, Spec, WireError};
+use crate::world::LudusWorld;
 use bevy_ecs::prelude::*;
 use std::time::Duration;
+
+/// Is shown each world.
+pub(super) type WorldVisitor<'a> = dyn FnMut(Entity, &mut LudusWorld) + 'a;
 
 /// The worlds of a training. Every method is given the world of the app that talks with the trainer.
 pub(crate) trait Host: Send + Sync {
@@ -45,6 +49,9 @@ pub(crate) trait Host: Send + Sync {
     /// Sets whether observations go into the batch; not so while the ceiling is measured.
     fn set_encoding(&mut self, world: &mut World, is_encoding: bool);
 
+    /// Visits all worlds.
+    fn for_each_world(&mut self, world: &mut World, visit: &mut WorldVisitor<'_>);
+
     /// Lets worlds in apps of their own ask things of the trainer.
     fn open_requests(&mut self) {}
 
@@ -53,6 +60,15 @@ pub(crate) trait Host: Send + Sync {
 
     /// Calls a method of the game in one of the worlds.
     fn call(&mut self, world: &mut World, call: &Call, number: usize) -> MethodResult;
+}
+
+/// Visits the worlds of one app. The game does not see that as a change.
+pub(super) fn visit_worlds(app: &mut World, visit: &mut WorldVisitor<'_>) {
+    for entity in app.resource::<Stage>().worlds.clone() {
+        if let Some(mut world) = app.get_mut::<LudusWorld>(entity) {
+            visit(entity, world.bypass_change_detection());
+        }
+    }
 }
 
 /// All worlds in the app that talks with the trainer: the layout grid.
@@ -116,6 +132,10 @@ impl Host for GridHost {
 
     fn set_encoding(&mut self, world: &mut World, is_encoding: bool) {
         world.resource_mut::<Stage>().is_encoding = is_encoding;
+    }
+
+    fn for_each_world(&mut self, world: &mut World, visit: &mut WorldVisitor<'_>) {
+        visit_worlds(world, visit);
     }
 
     fn call(&mut self, world: &mut World, call: &Call, number: usize) -> MethodResult {

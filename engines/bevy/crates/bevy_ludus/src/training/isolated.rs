@@ -2,12 +2,13 @@
 
 use super::Failure;
 use super::ceiling::Ceiling;
-use super::host::Host;
+use super::host::{Host, WorldVisitor, visit_worlds};
 use super::isolated_frames::{gather, merge_specs, scatter};
 use crate::advance::{WorldReset, reset_worlds};
 use crate::error::GameError;
 use crate::link::Link;
 use crate::methods::{self, MethodResult};
+use crate::metrics::Metrics;
 use crate::opening::{Opening, open};
 use crate::plugin::{IsolatedBy, build_core};
 use crate::requests::Requests;
@@ -144,8 +145,15 @@ impl Host for IsolatedApps {
             let fresh = build_all(&self.fill, &self.settings, self.opening)?;
             for (own, new) in self.apps.iter_mut().zip(fresh) {
                 let ticks = stage_of(own).num_ticks;
+                let mut metrics = Metrics::default();
+                visit_worlds(exclusive(own).world_mut(), &mut |_, world| {
+                    metrics = std::mem::take(&mut world.metrics);
+                });
                 *own = new;
                 stage_of(own).num_ticks = ticks;
+                visit_worlds(exclusive(own).world_mut(), &mut |_, world| {
+                    world.metrics = std::mem::take(&mut metrics);
+                });
             }
             if self.is_heard {
                 self.open_requests();
@@ -179,6 +187,12 @@ impl Host for IsolatedApps {
     fn set_encoding(&mut self, _: &mut World, is_encoding: bool) {
         for app in &mut self.apps {
             stage_of(app).is_encoding = is_encoding;
+        }
+    }
+
+    fn for_each_world(&mut self, _: &mut World, visit: &mut WorldVisitor<'_>) {
+        for app in &mut self.apps {
+            visit_worlds(exclusive(app).world_mut(), visit);
         }
     }
 

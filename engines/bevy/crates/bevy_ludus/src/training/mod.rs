@@ -14,6 +14,7 @@ pub(crate) use pace::{Pace, keep_pace};
 use crate::advance::WorldReset;
 use crate::error::GameError;
 use crate::link::{Link, LinkError};
+use crate::metrics::Summaries;
 use crate::opening::{Opening, open};
 use crate::requests::Requests;
 use crate::stage::Settings;
@@ -25,6 +26,9 @@ use bevy_ecs::prelude::*;
 use ceiling::Ceiling;
 use host::{GridHost, Host};
 use isolated::IsolatedApps;
+use serde_json::Value;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use thiserror::Error;
 
@@ -118,6 +122,8 @@ pub(crate) struct Trainer {
     pub num_worlds: usize,
     pub wait_us: u32,
     pub has_requests: bool,
+    /// Whether a metric that a world has reported cannot be taken.
+    pub is_metric_refused: Arc<AtomicBool>,
     /// Ticks that there should have been by now.
     pub expected_ticks: u64,
 }
@@ -155,6 +161,7 @@ impl Trainer {
             num_worlds: opening.num_worlds,
             wait_us: 0,
             has_requests: false,
+            is_metric_refused: Arc::default(),
             expected_ticks: 0,
         })
     }
@@ -202,8 +209,36 @@ impl Trainer {
         }
     }
 
+    /// Lets all worlds report metrics.
+    pub fn open_metrics(&mut self, world: &mut World) {
+        let is_refused = &self.is_metric_refused;
+        self.host
+            .for_each_world(world, &mut |_, own| own.metrics.open(is_refused));
+    }
+
+    /// Takes what all worlds have reported; none if that is nothing.
+    pub fn take_metrics(&mut self, world: &mut World) -> Result<Option<Value>, GameError> {
+        let mut sums = Summaries::default();
+        let mut taken = Ok(());
+        self.host.for_each_world(world, &mut |entity, own| {
+            let added = own.metrics.take_into(&mut sums);
+            if let (Ok(()), Err(error)) = (&taken, added) {
+                let world = own.index();
+                taken = Err(GameError::Metric {
+                    world,
+                    entity,
+                    error,
+                });
+            }
+        });
+        taken.map(|()| sums.into_request())
+    }
+
     /// Sends the batch.
     pub fn answer(&mut self, world: &mut World, flags: u32) -> Result<(), Failure> {
+        if self.is_metric_refused.load(Ordering::Relaxed) {
+            self.take_metrics(world)?;
+        }
         let mut requests = world.resource_mut::<Requests>();
         self.host.take_requests(&mut requests);
         let asks = if self.has_requests && !requests.is_empty() {

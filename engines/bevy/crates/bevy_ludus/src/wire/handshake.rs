@@ -8,7 +8,14 @@ pub const PROTOCOL_MIN: u64 = 1;
 /// Highest version of the protocol that is spoken here.
 pub const PROTOCOL_MAX: u64 = 1;
 /// Features of this engine.
-pub const CAPABILITIES: [&str; 5] = ["call", "ceiling", "rebuild", "requests", "reset_worlds"];
+pub const CAPABILITIES: [&str; 6] = [
+    "call",
+    "ceiling",
+    "metrics",
+    "rebuild",
+    "requests",
+    "reset_worlds",
+];
 /// Longest time for which an engine may look for a request again and again, microseconds.
 pub const MAX_SPIN_US: u64 = 100_000;
 const DEFAULT_IDLE_TIMEOUT_S: u64 = 3600;

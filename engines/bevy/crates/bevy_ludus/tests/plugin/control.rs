@@ -152,6 +152,80 @@ fn methods_are_called_and_requests_are_fetched() {
     }
 }
 
+fn report_wind(counters: Query<(&Counter, &InWorld)>, mut worlds: Query<&mut LudusWorld>) {
+    for (counter, home) in &counters {
+        let mut world = worlds.get_mut(home.0).expect("its world");
+        world.report_metric("ticks", counter.ticks);
+        match counter.wind {
+            -1.0 => world.report_metric("bad", f32::NAN),
+            -2.0 => (0..64).for_each(|n| world.report_metric(&format!("metric {n}"), n)),
+            _ => {}
+        }
+    }
+}
+
+fn reporting(layout: &str) -> Session {
+    let fill = |app: &mut App| {
+        let fill = |app: &mut App| {
+            Game::default().fill(app);
+            app.add_systems(Judge, report_wind);
+        };
+        fill(app);
+        app.add_plugins(LudusPlugin::default().isolated_by(fill));
+    };
+    Session::open(
+        fill,
+        &json!({"num_worlds": 2, "first_world": 4, "layout": layout}),
+    )
+}
+
+#[test]
+fn metrics_of_all_worlds_are_fetched_once() {
+    for layout in ["grid", "isolated"] {
+        let mut session = reporting(layout);
+        session.reset(&seeds(0, 2), Value::Null);
+        for _ in 0..3 {
+            assert_eq!(session.step(0).flags, 0, "they set no flag");
+        }
+        session.reset(&seeds(7, 2), Value::Null);
+        session.step(0);
+        let mut take = || {
+            let bridge = json!({"bridge": true});
+            session.trainer.call(bridge, "take_requests", json!([]))["value"].clone()
+        };
+        // One tick a step: 1, 2 and 3, and 1 after all worlds were made anew.
+        let ticks = json!({"count": 8, "sum": 14.0, "min": 1.0, "max": 3.0});
+        let expected = json!([{"kind": "metrics", "metrics": {"ticks": ticks}}]);
+        assert_eq!(take(), expected, "{layout}");
+        assert_eq!(take(), json!([]));
+        assert_eq!(session.trainer.close(), AppExit::Success);
+    }
+}
+
+#[test]
+fn a_report_that_cannot_be_names_the_world() {
+    for layout in ["grid", "isolated"] {
+        for (wind, expected) in [
+            (-1.0, "): metric bad is NaN, expected a finite number"),
+            (
+                -2.0,
+                "): metric metric 63 is one more than the 64 that there may be",
+            ),
+        ] {
+            let mut session = reporting(layout);
+            session.reset(&seeds(0, 2), json!([{}, {"wind": wind}]));
+            let frame = encode_frame(FrameType::Step, session.actions.payload()).unwrap();
+            session.trainer.send(&frame);
+            let report = session.trainer.refusal();
+            assert_eq!(report.code, ErrorCode::Game);
+            let message = report.message;
+            assert!(message.starts_with("world 5 (entity "), "{message}");
+            assert!(message.ends_with(expected), "{message}");
+            assert_ne!(session.trainer.end(), AppExit::Success);
+        }
+    }
+}
+
 #[test]
 fn the_ceiling_is_measured_and_needs_a_reset_after() {
     for layout in ["grid", "isolated"] {

@@ -1,0 +1,207 @@
+//! Numbers that the game reports, until the trainer fetches them (PROTOCOL.md §8, "Metrics").
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use thiserror::Error;
+
+#[cfg(feature = "trainer")]
+use serde_json::{Value, json};
+
+const MAX_NAMES: usize = 64;
+const MAX_NAME_CHARS: usize = 128;
+
+/// Why a report cannot be taken.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub(crate) enum MetricError {
+    #[error("metric {name} is {value}, expected a finite number")]
+    NotFinite { name: String, value: f64 },
+    #[error("a metric's name has {0} characters, expected 1 to 128")]
+    NameLength(usize),
+    #[error("a metric's name is {0:?}, which has a control character")]
+    ControlCharacter(String),
+    #[error("metric {0} is one more than the 64 that there may be")]
+    TooMany(String),
+}
+
+/// The values of one metric.
+#[derive(Clone, Copy, Debug)]
+struct Summary {
+    count: u64,
+    sum: f64,
+    min: f64,
+    max: f64,
+}
+
+/// Metrics by name: those of one world, or of all worlds of the engine.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Summaries(BTreeMap<String, Summary>);
+
+impl Summaries {
+    fn add(&mut self, name: &str, new: Summary) -> Result<(), MetricError> {
+        if let Some(own) = self.0.get_mut(name) {
+            own.count += new.count;
+            own.sum += new.sum;
+            own.min = own.min.min(new.min);
+            own.max = own.max.max(new.max);
+            return Ok(());
+        }
+        check_name(name)?;
+        if self.0.len() == MAX_NAMES {
+            return Err(MetricError::TooMany(name.to_owned()));
+        }
+        self.0.insert(name.to_owned(), new);
+        Ok(())
+    }
+
+    /// Returns the request that carries them; none if nothing was reported.
+    #[cfg(feature = "trainer")]
+    pub fn into_request(self) -> Option<Value> {
+        let metrics: serde_json::Map<_, _> = self
+            .0
+            .into_iter()
+            .map(|(name, own)| {
+                let value =
+                    json!({"count": own.count, "sum": own.sum, "min": own.min, "max": own.max});
+                (name, value)
+            })
+            .collect();
+        (!metrics.is_empty()).then(|| json!({"kind": "metrics", "metrics": metrics}))
+    }
+}
+
+fn check_name(name: &str) -> Result<(), MetricError> {
+    let length = name.chars().count();
+    if !(1..=MAX_NAME_CHARS).contains(&length) {
+        return Err(MetricError::NameLength(length));
+    }
+    if name.chars().any(char::is_control) {
+        return Err(MetricError::ControlCharacter(name.to_owned()));
+    }
+    Ok(())
+}
+
+/// What one world has reported since the trainer fetched it last.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Metrics {
+    summaries: Summaries,
+    error: Option<MetricError>,
+    /// Set for all worlds at once if a report of one is refused, so that a step looks at one
+    /// place; none where nobody trains.
+    is_refused: Option<Arc<AtomicBool>>,
+}
+
+impl Metrics {
+    pub fn report(&mut self, name: &str, value: f64) {
+        let Some(is_refused) = &self.is_refused else {
+            return;
+        };
+        let added = if value.is_finite() {
+            let (count, sum, min, max) = (1, value, value, value);
+            let new = Summary {
+                count,
+                sum,
+                min,
+                max,
+            };
+            self.summaries.add(name, new)
+        } else {
+            let name = name.to_owned();
+            Err(MetricError::NotFinite { name, value })
+        };
+        if let Err(error) = added {
+            self.error.get_or_insert(error);
+            is_refused.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
+/// The trainer's side.
+#[cfg(feature = "trainer")]
+impl Metrics {
+    /// Takes reports from now on.
+    pub fn open(&mut self, is_refused: &Arc<AtomicBool>) {
+        self.is_refused = Some(Arc::clone(is_refused));
+    }
+
+    /// Moves what was reported to the sums of all worlds.
+    pub fn take_into(&mut self, sums: &mut Summaries) -> Result<(), MetricError> {
+        if let Some(error) = self.error.take() {
+            return Err(error);
+        }
+        std::mem::take(&mut self.summaries)
+            .0
+            .iter()
+            .try_for_each(|(name, own)| sums.add(name, *own))
+    }
+}
+
+#[cfg(all(test, feature = "trainer"))]
+mod tests {
+    use super::*;
+
+    fn opened() -> (Metrics, Arc<AtomicBool>) {
+        let is_refused = Arc::default();
+        let mut metrics = Metrics::default();
+        metrics.open(&is_refused);
+        (metrics, is_refused)
+    }
+
+    #[test]
+    fn what_was_reported_is_the_golden_request() {
+        let file = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/tests/golden/result_requests_metrics.json"
+        );
+        let golden: Value = serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap();
+        let (mut one, is_refused) = opened();
+        let (mut two, _) = opened();
+        one.report("jumps", 2.0);
+        one.report("jumps", 1.0);
+        two.report("jumps", 4.0);
+        two.report("jumps", 3.0);
+        two.report("Höhe ✓", -0.5);
+        let mut sums = Summaries::default();
+        one.take_into(&mut sums).unwrap();
+        two.take_into(&mut sums).unwrap();
+        assert_eq!(
+            sums.into_request().as_ref(),
+            Some(&golden["content"]["value"][1])
+        );
+        let mut nothing = Summaries::default();
+        one.take_into(&mut nothing).unwrap();
+        assert_eq!(nothing.into_request(), None, "nothing is taken twice");
+        assert!(!is_refused.load(Ordering::Relaxed));
+    }
+
+    #[test]
+    fn nothing_is_kept_without_a_trainer() {
+        let mut metrics = Metrics::default();
+        metrics.report("jumps", f64::NAN);
+        let mut sums = Summaries::default();
+        metrics.take_into(&mut sums).unwrap();
+        assert_eq!(sums.into_request(), None);
+    }
+
+    #[test]
+    fn the_first_report_that_cannot_be_is_an_error() {
+        for (name, value, expected) in [
+            ("bad", f64::NAN, "metric bad is NaN, expected a finite"),
+            ("bad", f64::INFINITY, "metric bad is inf, expected a finite"),
+            ("", 1.0, "a metric's name has 0 characters, expected 1"),
+            ("a\n", 1.0, "a metric's name is \"a\\n\", which has a con"),
+            ("name 64", 1.0, "metric name 64 is one more than the 64"),
+        ] {
+            let (mut metrics, is_refused) = opened();
+            for number in 0..MAX_NAMES {
+                metrics.report(&format!("name {number}"), 1.0);
+            }
+            assert!(!is_refused.load(Ordering::Relaxed));
+            metrics.report(name, value);
+            metrics.report("also bad", f64::NAN);
+            assert!(is_refused.load(Ordering::Relaxed));
+            let error = metrics.take_into(&mut Summaries::default()).unwrap_err();
+            assert!(error.to_string().starts_with(expected), "{error}");
+        }
+    }
+}
