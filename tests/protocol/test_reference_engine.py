@@ -1,0 +1,174 @@
+"""PROTOCOL.md is enough to write an engine: the reference engine passes, trains, and ends."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, cast
+
+import psutil
+import pytest
+
+from ludus import TrainConfig, train
+from ludus.check import CheckConfig, CheckReport, Status, run_checks
+from tests.protocol import reference_engine as engine
+
+GOLDEN = Path(__file__).parents[2] / "protocol" / "golden"
+PROGRAM = Path(engine.__file__)
+READ = ("WELCOME", "RESET", "STEP", "CALL", "PING", "ERROR", "CLOSE")
+WRITTEN = ("HELLO", "SPEC", "BATCH", "RESULT", "PONG", "ERROR", "CLOSE")
+
+
+def golden(types: tuple[str, ...]) -> list[Any]:
+    """The golden frames of these types, as parameters of a test."""
+    files = sorted(GOLDEN.glob("*.json"))
+    frames = [(file.stem, json.loads(file.read_text())) for file in files]
+    return [pytest.param(name, it, id=name) for name, it in frames if it["frame"] in types]
+
+
+def layouts_of(name: str) -> list[engine.Layout]:
+    spec = json.loads((GOLDEN / f"{name}.json").read_text())["content"]
+    return [engine.Layout.of(policy) for policy in spec["policies"]]
+
+
+def flat(value: Any) -> list[Any]:
+    parts = cast(list[Any], value) if isinstance(value, list) else None
+    return [value] if parts is None else [number for part in parts for number in flat(part)]
+
+
+def test_every_type_of_frame_is_read_or_written() -> None:
+    types = {json.loads(file.read_text())["frame"] for file in GOLDEN.glob("*.json")}
+    assert types == {*READ, *WRITTEN}
+
+
+@pytest.mark.parametrize(("name", "said"), golden(READ))
+def test_golden_frame_is_read(name: str, said: dict[str, Any]) -> None:
+    frame = (GOLDEN / f"{name}.bin").read_bytes()
+    payload_bytes, frame_type = engine.parse_header(frame[: engine.HEADER.size])
+    payload = frame[engine.HEADER.size :]
+    assert frame_type == getattr(engine, said["frame"])
+    assert payload_bytes == len(payload)
+    content = said["content"]
+    if frame_type == engine.RESET:
+        request = engine.parse_reset(payload)
+        assert request.seeds == [int(seed, 16) for seed in content["seeds"]]
+        assert (request.actions, request.parameters) == (content["actions"], content["parameters"])
+    elif frame_type == engine.STEP:
+        chosen = engine.parse_step(layouts_of(said["spec"]), payload)
+        assert list(chosen) == list(content["policies"])
+        for policy, (discrete, continuous) in chosen.items():
+            wanted = content["policies"][policy]
+            # Components of which there are none leave an empty row per slot here.
+            assert [row for row in discrete if row] == wanted["discrete"]
+            assert [row for row in continuous if row] == wanted["continuous"]
+    elif frame_type in (engine.PING, engine.CLOSE):
+        assert payload.hex() == content["payload_hex"]
+    else:
+        assert engine.parse_json(payload) == content
+
+
+@pytest.mark.parametrize(("name", "said"), golden(WRITTEN))
+def test_golden_frame_is_written(name: str, said: dict[str, Any]) -> None:
+    expected = (GOLDEN / f"{name}.bin").read_bytes()
+    frame_type, content = getattr(engine, said["frame"]), said["content"]
+    if frame_type == engine.BATCH:
+        head = [content[key] for key in ("tick", "engine_us", "bridge_us", "wait_us")]
+        flags = content["is_reset"] + 2 * content["has_requests"]
+        layouts = layouts_of(said["spec"])
+        batches = [policy_batch(content["policies"][layout.name]) for layout in layouts]
+        assert engine.pack_batch((*head, flags), layouts, batches) == expected
+    elif "payload_hex" in content:
+        payload = bytes.fromhex(content["payload_hex"])
+        assert engine.pack_frame(frame_type, payload) == expected
+    else:
+        # Other JSON payloads are compared as values: languages write `60.0` and `60`.
+        written = engine.pack_json(frame_type, content)
+        assert written[4 : engine.HEADER.size] == expected[4 : engine.HEADER.size]
+        assert json.loads(written[engine.HEADER.size :]) == json.loads(
+            expected[engine.HEADER.size :]
+        )
+
+
+def policy_batch(content: dict[str, Any]) -> engine.PolicyBatch:
+    def rows(arrays: dict[str, Any]) -> dict[str, engine.Rows]:
+        return {name: [flat(row) for row in array] for name, array in arrays.items()}
+
+    return engine.PolicyBatch(
+        observation=rows(content["observation"]),
+        reward=content["reward"],
+        terminated=content["terminated"],
+        truncated=content["truncated"],
+        active=content["active"],
+        action_mask=content.get("action_mask", []),
+        final_slots=content["final"]["slots"],
+        final_observation=rows(content["final"]["observation"]),
+    )
+
+
+def walkers() -> list[psutil.Process]:
+    """Reference engines that this process has started and that still run."""
+    children = psutil.Process().children(recursive=True)
+    alive = [child for child in children if child.status() != psutil.STATUS_ZOMBIE]
+    return [child for child in alive if str(PROGRAM) in child.cmdline()]
+
+
+@contextmanager
+def listening(*arguments: str) -> Generator[tuple[str, subprocess.Popen[str]]]:
+    """Start the engine as a listener; give its HOST:PORT and the process."""
+    command = [sys.executable, str(PROGRAM), "--ludus-listen=tcp:127.0.0.1:0", *arguments]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            line = process.stdout.readline().strip()
+            assert line.startswith("listening on tcp:"), line
+            yield line.removeprefix("listening on tcp:"), process
+        finally:
+            process.kill()
+
+
+def assert_passed(report: CheckReport) -> None:
+    findings = [finding for _, finding in report.findings]
+    assert [finding for finding in findings if finding.status in {Status.FAIL, Status.WARN}] == []
+    assert sum(finding.status == Status.OK for finding in findings) >= 20
+
+
+@pytest.mark.engine
+def test_check_passes_on_the_program() -> None:
+    config = CheckConfig(target=PROGRAM, num_steps=100, num_layout_worlds=8, timing_s=0.05)
+    assert_passed(run_checks(config))
+    assert walkers() == []
+
+
+@pytest.mark.engine
+def test_check_passes_on_an_address_and_the_engine_quits() -> None:
+    with listening() as (address, process):
+        assert_passed(run_checks(CheckConfig(target=address, num_steps=100)))
+        assert process.wait(timeout=10) == 0
+
+
+@pytest.mark.engine
+@pytest.mark.slow
+def test_training_learns_the_shortest_way_to_the_goal(tmp_path: Path) -> None:
+    config = TrainConfig(
+        target=str(PROGRAM),
+        total_steps=40_000,
+        num_worlds=32,
+        seed=1,
+        runs=tmp_path,
+        evaluation_episodes=100,
+    )
+    evaluation = train(config).evaluation["walker"]
+    # A walker that never reaches the goal has -2.5.
+    assert evaluation.mean_return > 0.95 * optimal_return()
+    assert walkers() == []
+
+
+def optimal_return() -> float:
+    """The mean return of the shortest ways: from each inner place to the goal at an end."""
+    distances = range(1, engine.Walker().length - 1)
+    return math.fsum(1.0 - 0.05 * (steps - 1) for steps in distances) / len(distances)
