@@ -130,9 +130,25 @@ class EngineProcess:
         return f"<EngineProcess {self.pid} {_describe_exit(self.poll())}>"
 
 
+_WINDOWS_ERROR = 0xC0000000
+"""Exit codes of Windows from here on are errors (NTSTATUS), which no program chooses."""
+_WINDOWS_ERRORS = {
+    0xC0000005: "access violation",
+    0xC000001D: "illegal instruction",
+    0xC00000FD: "stack overflow",
+    0xC0000135: "a DLL is missing",
+    0xC000013A: "Ctrl-C, or its window was closed",
+    0xC0000374: "heap corruption",
+    0xC0000409: "it aborted",
+}
+
+
 def _describe_exit(code: int | None) -> str:
     if code is None:
         return "the process is still running"
+    if code >= _WINDOWS_ERROR:
+        what = _WINDOWS_ERRORS.get(code, "an error of Windows")
+        return f"the process crashed with status 0x{code:08X} ({what})"
     if code >= 0:
         return f"the process ended with exit code {code}"
     try:

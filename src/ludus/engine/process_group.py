@@ -16,8 +16,10 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-__all__ = ["ProcessGroup"]
+__all__ = ["CMD", "ProcessGroup", "windows_command_line"]
 
+CMD = ("cmd", "/d", "/s", "/c")
+"""The shell of Windows, without what the user's registry has it run first."""
 _POLL_S = 0.005
 _REST_GRACE_S = 2.0
 
@@ -42,7 +44,7 @@ class ProcessGroup:
         self._lock = threading.RLock()
         self._is_ending = False
         self.popen: subprocess.Popen[bytes] = subprocess.Popen(
-            command,
+            windows_command_line(command) if sys.platform == "win32" else command,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -129,6 +131,17 @@ class ProcessGroup:
         # An empty group is not an error; macOS reports it as a lack of permission.
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self.pid, number)
+
+
+def windows_command_line(command: Sequence[str]) -> str:
+    """Return a command as Windows takes it: one text.
+
+    ``cmd /s /c`` takes off the first and the last quote of what follows, and reads the rest as it
+    stands, so quotes inside may not be escaped as programs written in C want them.
+    """
+    if tuple(command[:-1]) == CMD:
+        return f'{" ".join(CMD)} "{command[-1]}"'
+    return subprocess.list2cmdline(command)
 
 
 def _has_living_member(group: int) -> bool:

@@ -17,6 +17,7 @@ from ludus.engine import (
     godot_command,
     with_display,
 )
+from ludus.engine.process_group import CMD
 from ludus.errors import GameError, TargetError
 from ludus.session.supervision import Supervision
 from ludus.target import Scene, parse_target
@@ -30,6 +31,7 @@ _DIE_WITH_PARENT = (
     '</dev/null >/dev/null 2>&1 & exec "$@"'
 )
 _SCRIPT_ERROR_S = 1.0
+_IS_POSIX = os.name == "posix"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,8 +101,8 @@ class GameLaunch:
 
     def _shell_command(self, arguments: tuple[str, ...]) -> tuple[str, ...]:
         added = ("--fixed-fps", str(self.frames_per_second), *self._drawing, *arguments)
-        if os.name != "posix":
-            return ("cmd", "/s", "/c", f"{self.command} {subprocess.list2cmdline(added)}")
+        if not _IS_POSIX:
+            return (*CMD, f"{self.command} {subprocess.list2cmdline(added)}")
         return ("/bin/sh", "-c", f"{self.command} {shlex.join(added)}")
 
     @property
@@ -157,6 +159,6 @@ def _end_with_us(command: tuple[str, ...]) -> tuple[str, ...]:
 
     Games of legacy bridges wait for the next client for ever.
     """
-    if os.name != "posix":
+    if not _IS_POSIX:
         return command
     return ("/bin/sh", "-c", _DIE_WITH_PARENT, str(os.getpid()), *command)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 from ludus.disk import disk_errors
@@ -12,7 +12,7 @@ from ludus.errors import ProtocolError
 from ludus.serve.godot_ai.fields import Fields, short
 from ludus.wire.godot_json import parse_godot_json
 
-__all__ = ["ProjectFiles"]
+__all__ = ["ProjectFiles", "has_foreign_drive"]
 
 FOLDER = "AIServerCommFiles"
 MAX_FILE_BYTES = 1 << 30
@@ -46,6 +46,8 @@ class ProjectFiles:
         Raises:
             ProtocolError: It leads out of the project.
         """
+        if has_foreign_drive(self.root, path):
+            raise ProtocolError(f"the path {short(path)} leads out of the project", _HINT)
         try:
             found = (self.root / path.removeprefix("res://")).resolve()
         except (OSError, ValueError, RuntimeError) as error:  # NUL bytes, links in a circle
@@ -101,3 +103,12 @@ class ProjectFiles:
             finally:
                 temporary.unlink(missing_ok=True)
         return path
+
+
+def has_foreign_drive(root: PurePath, path: str) -> bool:
+    r"""Tell whether a path names another drive than ``root``, as only paths of Windows can.
+
+    To resolve ``\\server\share`` would log in there, with the user's name and password.
+    """
+    drive = type(root)(path).drive
+    return drive != "" and drive.lower() != root.drive.lower()
