@@ -4,6 +4,7 @@
 # make test-fast   the tests that start no engine, in about a minute
 # make test-libraries  SB3, PettingZoo, RLlib, TorchRL and three versions of Gymnasium, each in real Godot
 # make test-bevy   everything in Rust, and the Python tests with Bevy games; needs Cargo
+# make campaign    random faults against training runs, for MINUTES (1) from SEED (0)
 # make lint        formatters, linters and the type checker of every language
 # make docs        the documentation site, in build/docs; make docs-serve shows it in a browser
 # make bench       the table of docs/benchmarks.md
@@ -35,7 +36,7 @@ ifneq ($(RUSTUP),)
 export RUSTUP_HOME ?= $(RUSTUP)
 endif
 
-.PHONY: setup demo test test-libraries test-fast test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples bench clean
+.PHONY: setup demo test test-libraries test-fast campaign test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples bench clean
 .DELETE_ON_ERROR:
 
 setup: .venv/.ready
@@ -125,6 +126,12 @@ test-libraries: renderers $(LIBRARIES)/.ready
 	done; \
 	$(LIBRARIES)/all/bin/pytest -m 'libraries and not bevy' || failed=1; \
 	exit $$failed
+
+# What its last line counts is what docs/reliability.md sums up.
+MINUTES ?= 1
+SEED ?= 0
+campaign: renderers
+	$(BIN)/python -m tests.campaign --minutes $(MINUTES) --seed $(SEED)
 
 # One after the other: Cargo lets nobody else build meanwhile.
 test-bevy: cargo renderers $(LIBRARIES)/.ready

@@ -26,17 +26,17 @@ func _init(payload: PackedByteArray) -> void:
 
 ## Whether the add-on itself is asked to measure the ceiling.
 func is_ceiling() -> bool:
-	return is_for_bridge() and _message.get("method") == CEILING_METHOD
+	return is_for_bridge() and _method() == CEILING_METHOD
 
 
 ## Whether the game is told to go on by itself.
 func is_stand_by() -> bool:
-	return is_for_bridge() and _message.get("method") == STAND_BY_METHOD
+	return is_for_bridge() and _method() == STAND_BY_METHOD
 
 
 ## The answer to a call that has nothing to return.
 func answer_nothing() -> PackedByteArray:
-	var result := {"id": int(_message.get("id", 0)), "value": null}
+	var result := {"id": _id(), "value": null}
 	return LudusWire.json_frame(LudusWire.Type.RESULT, result)
 
 
@@ -49,9 +49,9 @@ func is_for_bridge() -> bool:
 func answer_for_bridge(
 	requests: LudusRequests, metrics: LudusMetrics, status: LudusTrainingStatus
 ) -> PackedByteArray:
-	var result := {"id": int(_message.get("id", 0))}
+	var result := {"id": _id()}
 	var arguments := _arguments()
-	var method := str(_message.get("method", ""))
+	var method := _method()
 	if method == TAKE_REQUESTS_METHOD:
 		result["value"] = requests.take() + metrics.take()
 	elif method != SHOW_STATUS_METHOD:
@@ -67,15 +67,15 @@ func answer_for_bridge(
 ## Starts that measurement.
 func make_ceiling(game: LudusGame) -> LudusCeiling:
 	var arguments := _arguments()
-	var num_steps := int(arguments[0]) if arguments.size() > 0 else 1
-	var seed_value := int(arguments[1]) if arguments.size() > 1 else 0
-	return LudusCeiling.new(game, int(_message.get("id", 0)), num_steps, seed_value)
+	var num_steps := _integer(arguments[0], 1) if arguments.size() > 0 else 1
+	var seed_value := _integer(arguments[1], 0) if arguments.size() > 1 else 0
+	return LudusCeiling.new(game, _id(), num_steps, seed_value)
 
 
 ## Makes the call and returns the frame with its result.
 func answer(game: LudusGame) -> PackedByteArray:
-	var result := {"id": int(_message.get("id", 0))}
-	var method := str(_message.get("method", ""))
+	var result := {"id": _id()}
+	var method := _method()
 	var callee := game.find_target(_target())
 	if callee == null:
 		result["error"] = "there is no world or agent %s" % JSON.stringify(_target())
@@ -97,6 +97,18 @@ static func _name_of(callee: Object) -> String:
 	if callee is Node:
 		return str((callee as Node).name)
 	return (callee.get_script() as Script).resource_path
+
+
+func _id() -> int:
+	return _integer(_message.get("id"), 0)
+
+
+func _method() -> String:
+	return str(_message.get("method", ""))
+
+
+static func _integer(value: Variant, default: int) -> int:
+	return int(value) if value is float or value is int else default
 
 
 func _target() -> Dictionary:
