@@ -30,6 +30,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Collection
 
+from ludus.printing import printable
+
 __all__ = [
     "ActionError",
     "ArgumentError",
@@ -74,9 +76,9 @@ class LudusError(Exception):
     exit_code = 1
 
     def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__(message)
-        self.message = message
-        self.hint = hint
+        self.message = printable(message)  # some of it may be what a game said
+        self.hint = printable(hint)
+        super().__init__(self.message)
 
     def __str__(self) -> str:
         return f"{self.message}\nhint: {self.hint}" if self.hint else self.message

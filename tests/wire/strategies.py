@@ -27,7 +27,10 @@ json_values: st.SearchStrategy[Any] = st.recursive(
     max_leaves=6,
 )
 json_objects = st.dictionaries(st.text(max_size=6), json_values, max_size=3)
-names = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=128)
+printable = st.characters(exclude_categories=["C", "Z"])
+names = st.text(printable, min_size=1, max_size=128).map(
+    lambda text: text.translate({ord(letter): "_" for letter in "/\\@"})
+)
 
 
 @st.composite
@@ -65,7 +68,7 @@ def unique_names(maximum: int) -> st.SearchStrategy[list[str]]:
 @st.composite
 def policies(draw: st.DrawFn, name: str, num_worlds: int) -> PolicySpec:
     per_world = draw(st.integers(1, 3))
-    paths = st.none() | st.text(st.characters(exclude_categories=["Cs"]), max_size=10)
+    paths = st.none() | st.text(printable, max_size=10)
     action = tuple(draw(components(part)) for part in draw(unique_names(3)))
     has_choice = any(isinstance(part, DiscreteAction) for part in action)
     return PolicySpec(
@@ -90,7 +93,7 @@ def specs(draw: st.DrawFn) -> Spec:
         ticks_per_step=draw(st.integers(1, 20)),
         tick_rate=draw(st.floats(1.0, 1000.0)),
         policies=tuple(draw(policies(name, num_worlds)) for name in draw(unique_names(3))),
-        scene=draw(st.text(max_size=10)),
+        scene=draw(st.text(printable, max_size=10)),
     )
 
 

@@ -42,8 +42,17 @@ MISTAKES: list[tuple[list[Any], Any, str, str]] = [
     (["policies"], {}, "spec.policies", "expected a list, got {}"),
     (["policies", 1], 3, TARGET, "expected an object, got 3"),
     (["policies", 1, "name"], "hero", "spec.policies", "two items have the same name"),
-    (["policies", 0, "name"], "", f"{HERO}.name", "expected 1 to 128 characters"),
-    (["policies", 0, "name"], "x" * 129, f"{HERO}.name", "expected 1 to 128 characters"),
+    (["policies", 0, "name"], "", f"{HERO}.name", "expected a name of 1 to 128 characters"),
+    (["policies", 0, "name"], "x" * 129, f"{HERO}.name", "expected a name of 1 to 128 characters"),
+    (["policies", 0, "name"], "@league", f"{HERO}.name", "not beginning with @, got '@league'"),
+    (["policies", 0, "name"], "a/policy.x", f"{HERO}.name", "without / and \\"),
+    (["policies", 0, "name"], "..\\x", f"{HERO}.name", "without / and \\"),
+    (["policies", 0, "name"], "a\x1b[2J", f"{HERO}.name", "without control characters"),
+    (["policies", 0, "name"], "a\ud800", f"{HERO}.name", "without control characters"),
+    (["policies", 0, "name"], "a\u202eb", f"{HERO}.name", "without control characters"),
+    (["policies", 0, "name"], " a", f"{HERO}.name", "without a space at either end"),
+    (["policies", 0, "action", 0, "name"], "a\n", f"{HERO}.action[0].name", "control"),
+    (["policies", 0, "observation", 0, "name"], "\x00", f"{HERO}.observation[0].name", "control"),
     (["policies", 0, "num_agents"], 3, f"{HERO}.num_agents", "the list of agents has 2"),
     (["policies", 0, "agents"], [], f"{HERO}.agents", "expected 1 to 65536 items"),
     (["policies", 0, "agents_per_world"], 0, f"{HERO}.agents_per_world", "expected 1 to"),
@@ -160,3 +169,14 @@ def test_the_fingerprint_is_of_the_network_only(spec: Spec) -> None:
         value |= {"settings": {}, "max_episode_steps": 77}
         whole = {**spec.to_json(), "policies": [value], "scene": "res://other.tscn"}
         assert read_spec(whole).policies[0].fingerprint() == policy.fingerprint()
+
+
+@pytest.mark.parametrize("name", ["héros", "敵", "a b", "red.1", "$x$", "[b]", "x" * 128])
+def test_other_names_are_allowed(name: str) -> None:
+    assert read_spec(replaced(["policies", 0, "name"], name)).policies[0].name == name
+
+
+def test_control_characters_of_places_are_escaped() -> None:
+    spec = read_spec(replaced(["policies", 0, "agents", 0, "path"], "a\x1b[2J\ud800"))
+    assert spec.policies[0].agents[0].path == r"a\x1b[2J\ud800"
+    assert read_spec(replaced(["scene"], "res://\x07.tscn")).scene == r"res://\x07.tscn"

@@ -145,7 +145,7 @@ def _print(tables: Mapping[str, Table]) -> None:
 
     console = Console()
     for title, table in tables.items():
-        console.print(title, style="italic", highlight=False, soft_wrap=True)
+        console.print(title, style="italic", markup=False, highlight=False, soft_wrap=True)
         console.print(table)
 
 
@@ -182,6 +182,7 @@ def match_table(table: MatchTable) -> Table:
 def rating_table(league_players: LeaguePlayers) -> Table:
     """Return the ratings that training noted, one row for each player."""
     from rich import box
+    from rich.markup import escape
     from rich.table import Table
 
     shown = Table(box=box.SIMPLE_HEAD)
@@ -189,7 +190,7 @@ def rating_table(league_players: LeaguePlayers) -> Table:
         shown.add_column(heading, justify="left" if heading == "policy" else "right")
     for name, players in league_players.items():
         for player in players:
-            shown.add_row(name, label(player), _rating(player), style=_style(player))
+            shown.add_row(escape(name), label(player), _rating(player), style=_style(player))
         shown.add_section()
     return shown
 

@@ -27,6 +27,7 @@ from typing import Any, NoReturn
 
 from ludus.errors import LudusError, UsageError, did_you_mean
 from ludus.extras import EXTRAS, missing_extra
+from ludus.printing import PrintableFormatter, printable
 from ludus.version import __version__
 
 __all__ = ["COMMANDS", "main", "parse"]
@@ -61,11 +62,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     is_debug = "--debug" in arguments
     arguments = [argument for argument in arguments if argument != "--debug"]
-    logging.basicConfig(
-        level=logging.DEBUG if is_debug else logging.WARNING,
-        format="%(levelname)s %(name)s: %(message)s",
-        stream=sys.stderr,
-    )
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(PrintableFormatter("%(levelname)s %(name)s: %(message)s"))
+    logging.basicConfig(level=logging.DEBUG if is_debug else logging.WARNING, handlers=[handler])
     try:
         with _clean_exit_on_sigterm():
             return _dispatch(arguments)
@@ -162,7 +161,7 @@ def _report(error: Exception, is_debug: bool) -> int:
     package = (getattr(error, "name", None) or "").partition(".")[0]
     if isinstance(error, ImportError) and package in EXTRAS:
         return _report(missing_extra(package), is_debug)
-    text = f"error: {type(error).__name__}: {error}"
+    text = printable(f"error: {type(error).__name__}: {error}")
     return _after(text, "this is a defect; --debug shows the traceback", EXIT_OTHER, is_debug)
 
 

@@ -128,7 +128,7 @@ def _printer() -> OnEpisode:
     def show(policy: str, number: int, episode_return: float, length: int) -> None:
         console.print(
             f"{policy}: episode {number}, return {episode_return:.6g} in {length} steps",
-            highlight=False,
-        )
+            highlight=False, markup=False,
+        )  # fmt: skip
 
     return show

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ludus.disk import disk_errors
 from ludus.errors import UsageError
+from ludus.printing import PrintableFormatter
 
 __all__ = ["COMMAND", "RENAMED_FLAGS", "ServeCommand", "run"]
 
@@ -165,7 +166,7 @@ def _log_file(path: Path | None) -> Generator[None, None, None]:
         handler.close()
 
 
-class _OneLine(logging.Formatter):
+class _OneLine(PrintableFormatter):
     """Formats every record as one line, with hints appended."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's own name

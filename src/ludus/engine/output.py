@@ -11,6 +11,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO
 
+from ludus.disk import plain_file_opener
+
 __all__ = ["ERROR_MARKS", "OutputDrain", "mark_errors", "run_captured"]
 
 ERROR_MARKS = ("SCRIPT ERROR", "ERROR:", "Parse Error", "USER ERROR", "panicked at", "Traceback")
@@ -145,7 +147,7 @@ def _begins_report(line: str) -> bool:
 def _open_log(path: Path) -> IO[bytes] | None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        return path.open("ab", buffering=0)
+        return open(path, "ab", buffering=0, opener=plain_file_opener)
     except OSError as error:
         _log.warning("the engine's log cannot be written: %s", error)
         return None

@@ -120,12 +120,12 @@ def _label_ends(axes: Any, curves: dict[str, _Points], colours: dict[str, str]) 
         axes.annotate(
             f"{name} {value}" if len(curves) > 1 else value, (points[0, -1], height),
             xytext=(7, 0), textcoords="offset points", color=colours[name], fontweight="bold",
-            va="center", annotation_clip=False,
+            va="center", annotation_clip=False, parse_math=False,
         )  # fmt: skip
 
 
 def _decorate(axes: Any, title: str) -> None:
-    axes.set_title(title, loc="left", color=INK, fontweight="bold", pad=28)
+    axes.set_title(title, loc="left", color=INK, fontweight="bold", pad=28, parse_math=False)
     axes.set_xlabel("agent steps", color=PALE)
     axes.set_ylabel("return: mean, 10th to 90th percentile", color=PALE)
     axes.grid(axis="y", color="#e5e7eb", linewidth=0.8)

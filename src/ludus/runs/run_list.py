@@ -11,6 +11,7 @@ from typing import Any, BinaryIO, Literal, cast
 
 from ludus.disk import parse_json, plain_file_opener, read_json
 from ludus.errors import RunError
+from ludus.printing import printable
 from ludus.runs.run_folder import RunFolder
 
 __all__ = ["PolicySummary", "RunState", "RunSummary", "StopReason", "list_runs", "parse_metrics",
@@ -110,7 +111,7 @@ def _summary(path: Path) -> RunSummary | None:
     reason = result.get("stop_reason")
     return RunSummary(
         path=path,
-        target=config["target"],
+        target=printable(config["target"]),
         state="running" if is_running else _state(reason),
         stop_reason=reason if isinstance(reason, str) else None,
         started_at=(path / "config.json").stat().st_mtime,
@@ -118,7 +119,7 @@ def _summary(path: Path) -> RunSummary | None:
         updates=int(_number(last, "updates") or 0),
         wall_s=_number(last, "wall_s") or 0.0,
         policies={
-            name: _policy(lines, name, _number(_object(result, "evaluation"), name))
+            printable(name): _policy(lines, name, _number(_object(result, "evaluation"), name))
             for name in _object(config, "policies")
         },
     )

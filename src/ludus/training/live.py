@@ -51,7 +51,8 @@ class TerminalReporter:
     def started(self, config: TrainConfig, run: Path) -> None:
         """Say what is trained, and where it goes."""
         self._max_time_s = config.max_time_s
-        self._console.print(f"training [bold]{config.target}[/] into {run}", highlight=False)
+        line = Text.assemble("training ", (config.target, "bold"), f" into {run}")
+        self._console.print(line, highlight=False)
         if self._console.is_terminal:
             self._live = Live(console=self._console, auto_refresh=False, transient=True)
             self._live.start()
@@ -67,7 +68,7 @@ class TerminalReporter:
             self._live.update(self._picture(progress), refresh=True)
         else:
             line = progress_line(progress, self._share(progress))
-            self._console.print(line, highlight=False, soft_wrap=True)
+            self._console.print(Text(line), highlight=False, soft_wrap=True)
 
     def evaluating(self, episodes: int) -> None:
         """Say that the evaluation begins."""
@@ -79,7 +80,7 @@ class TerminalReporter:
         self.stop()
         if result.signum is None:
             self._console.print(summary_table(result))
-        self._console.print(f"run folder: {result.path}", highlight=False, soft_wrap=True)
+        self._console.print(Text(f"run folder: {result.path}"), highlight=False, soft_wrap=True)
 
     def stop(self) -> None:
         """End the live view."""
@@ -206,7 +207,7 @@ def summary_table(result: RunResult) -> Table:
     table = evaluation_table(result.evaluation, f"{steps} ({ENDINGS[result.stop_reason]})")
     if not result.evaluation:
         for name, mean in result.mean_return.items():
-            table.add_row(name, "training", f"{mean:.4g}", "", "", "", "")
+            table.add_row(Text(name), "training", f"{mean:.4g}", "", "", "", "")
     return table
 
 
@@ -214,17 +215,17 @@ def evaluation_table(
     evaluation: Mapping[str, Evaluation], title: str, goal_return: float | None = None
 ) -> Table:
     """Return a table with a row per policy; with the share that reached ``goal_return``, if any."""
-    table = Table(title=title, title_justify="left")
+    table = Table(title=Text(title), title_justify="left")
     for heading in ("policy", "episodes", "mean return", "± std", "min", "max", "length"):
         table.add_column(heading, justify="left" if heading == "policy" else "right")
     if goal_return is not None:
         table.add_column(f"≥ {goal_return:g}", justify="right")
     for name, of in evaluation.items():
         figures = (of.mean_return, of.std_return, of.min_return, of.max_return, of.mean_length)
-        cells = [name, str(of.num_episodes), *(f"{figure:.4g}" for figure in figures)]
+        cells = [str(of.num_episodes), *(f"{figure:.4g}" for figure in figures)]
         if goal_return is not None:
             cells.append(f"{of.share_reaching(goal_return):.1%}")
-        table.add_row(*cells)
+        table.add_row(Text(name), *cells)  # no markup: a name may have brackets
     return table
 
 

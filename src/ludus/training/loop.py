@@ -20,6 +20,7 @@ from ludus.errors import DivergenceError, RunError, UsageError
 from ludus.play.evaluation import MAX_STEPS, Evaluation, evaluate
 from ludus.play.players import trained_player
 from ludus.pool import EnginePool, Pool, PoolConfig, open_pool
+from ludus.printing import PrintableFormatter
 from ludus.runs.checkpoint import Checkpoint, check_spec, checkpoint_errors
 from ludus.runs.curve import draw_learning_curve
 from ludus.runs.metrics import MetricsLog
@@ -242,7 +243,7 @@ def log_file(folder: RunFolder) -> Generator[None, None, None]:
     """Send what ``ludus`` logs to ``train.log`` as well."""
     handler = _RunLog(folder.path / "train.log", encoding="utf-8", errors="backslashreplace",
                       delay=True)  # fmt: skip
-    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    handler.setFormatter(PrintableFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
     logger = logging.getLogger("ludus")
     logger.addHandler(handler)
     try:

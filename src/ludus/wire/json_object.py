@@ -83,11 +83,18 @@ class JsonObject:
         return value
 
     def name(self, key: str, max_length: int) -> str:
-        """Return a string of 1 to ``max_length`` characters."""
+        """Return a name (PROTOCOL.md §1) of 1 to ``max_length`` characters."""
         value = self.text(key)
-        if not 1 <= len(value) <= max_length:
-            raise self.unexpected(key, f"1 to {max_length} characters", value)
+        self.check_name(key, value, max_length)
         return value
+
+    def check_name(self, key: str, value: str, max_length: int) -> None:
+        """Refuse a string that is no name, the field ``key`` or a key of it."""
+        if not 1 <= len(value) <= max_length:
+            raise self.unexpected(key, f"a name of 1 to {max_length} characters", value)
+        if not value.isprintable() or value != value.strip():
+            what = "a name without control characters, and without a space at either end"
+            raise self.unexpected(key, what, value)
 
     def choice(self, key: str, choices: Sequence[str]) -> str:
         """Return one of some strings."""

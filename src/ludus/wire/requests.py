@@ -115,9 +115,7 @@ def _read_metrics(reader: JsonObject) -> dict[str, MetricSummary]:
         raise reader.unexpected(METRICS, f"1 to {MAX_METRICS} names", len(metrics.names()))
     read: dict[str, MetricSummary] = {}
     for name in metrics.names():
-        if not 1 <= len(name) <= MAX_TEXT_LENGTH or not name.isprintable():
-            expected = f"names of 1 to {MAX_TEXT_LENGTH} characters, none a control character"
-            raise reader.unexpected(METRICS, expected, name)
+        reader.check_name(METRICS, name, MAX_TEXT_LENGTH)
         own = metrics.child(name)
         total, low, high = (own.number(key, own.get(key)) for key in ("sum", "min", "max"))
         read[name] = MetricSummary(own.integer("count", 1, 1 << 53), total, low, high)

@@ -9,6 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from ludus.errors import ProtocolError
+from ludus.printing import printable
 from ludus.spec import (
     DTYPES,
     ActionComponent,
@@ -57,7 +58,7 @@ def read_spec(value: Any) -> Spec:
         ticks_per_step=reader.integer("ticks_per_step", 1, 100_000),
         tick_rate=tick_rate,
         policies=policies,
-        scene=reader.text("scene", default=""),
+        scene=printable(reader.text("scene", default="")),
     )
     num_bytes = max_batch_bytes(spec)
     if num_bytes > MAX_BINARY_BYTES:
@@ -87,8 +88,13 @@ def _policy(reader: JsonObject, num_worlds: int) -> PolicySpec:
     settings, limit = reader.get("settings"), reader.get("max_episode_steps")
     if not isinstance(settings, dict):
         raise reader.unexpected("settings", "an object", settings)
+    name = reader.name("name", MAX_NAME_LENGTH)
+    if "/" in name or "\\" in name or name.startswith("@"):
+        raise reader.unexpected(
+            "name", "a policy's name without / and \\, not beginning with @", name
+        )
     policy = PolicySpec(
-        name=reader.name("name", MAX_NAME_LENGTH),
+        name=name,
         observation=observation,
         action=action,
         agents=agents,
@@ -114,6 +120,7 @@ def _agent(reader: JsonObject, num_worlds: int) -> AgentSpec:
     path = reader.get("path")
     if path is not None and not isinstance(path, str):
         raise reader.unexpected("path", "a text or null", path)
+    path = None if path is None else printable(path)
     return AgentSpec(world=reader.integer("world", 0, num_worlds - 1), path=path)
 
 
