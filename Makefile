@@ -63,10 +63,18 @@ lint: lint-scripts
 	@if command -v cargo > /dev/null; then $(MAKE) --no-print-directory lint-rust; \
 	else echo "left out: the Rust linters need Cargo ($(CARGO_HINT))"; test -z "$$CI"; fi
 
-lint-scripts: .venv/.ready .venv/gdtoolkit3/.ready
+# What pyright reads: all packages. Ray comes without RLlib's needs, which pin an older Gymnasium.
+.venv/types/.ready: pyproject.toml .venv/.ready
+	@rm -rf .venv/types
+	@$(BIN)/uv venv --quiet --python $(BIN)/python .venv/types
+	$(UV_ENVIRONMENT) $(BIN)/uv pip install --quiet --python .venv/types/bin/python ray \
+		--editable '.[dev,sb3,pettingzoo,torchrl,sweep,track,minari]'
+	@touch $@
+
+lint-scripts: .venv/.ready .venv/types/.ready .venv/gdtoolkit3/.ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/pyright
+	$(BIN)/pyright --project pyright-lint.json
 	$(BIN)/gdlint $(GDSCRIPT)
 	$(BIN)/gdformat --check $(GDSCRIPT)
 	cd $(GODOT3_PROJECT) && ../../$(BIN3)/gdlint $(GDSCRIPT3)

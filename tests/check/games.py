@@ -154,6 +154,14 @@ GAMES: dict[str, Game] = {
         ),
         has_action_mask=True,
     ),
+    "masked_own_random": Game(
+        broken(
+            "func reset() -> void:\n\tv = 0.0\n\tvar own := RandomNumberGenerator.new()\n"
+            "\town.randomize()\n\tx = own.randf_range(-0.5, 0.5)\n\n"
+            "func get_action_mask() -> PackedByteArray:\n\treturn PackedByteArray([1, 1])\n"
+        ),
+        has_action_mask=True,
+    ),
     "not_a_number": Game(
         broken(
             "func get_observation() -> PackedFloat32Array:\n"

@@ -38,8 +38,9 @@ VARIANTS: dict[str, dict[str, Any]] = {
 def require_equal(policy: Policy, folder: Path) -> None:
     model = to_model(policy, policy.spec)
     files = PolicyFiles(folder / "policy.ludus.json", folder / "policy.onnx")
-    write_model(files.json, model)
+    assert files.json is not None
     assert files.onnx is not None
+    write_model(files.json, model)
     write_onnx(files.onnx, model)
     report = measure_parity(policy, model, files, None, {})
     assert [comparison.runtime for comparison in report.comparisons] == ["NumPy", "ONNX Runtime"]

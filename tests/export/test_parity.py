@@ -130,6 +130,7 @@ def altered_onnx(path: Path) -> None:
 def test_an_altered_weight_is_noticed(tmp_path: Path) -> None:
     policy = make_policy(SIMPLE)
     model, files = written(policy, tmp_path)
+    assert files.json is not None
     assert files.onnx is not None
     altered_json(files.json)
     comparisons = by_name(measure_parity(policy, model, files, None, {}).comparisons)
@@ -155,7 +156,8 @@ def alter_deviation(policy: Policy) -> None:
 
 def alter_image(policy: Policy) -> None:
     with torch.no_grad():
-        next(iter(policy.torso.images.parameters())).add_(0.01)
+        images: Any = policy.torso.images
+        next(iter(images.parameters())).add_(0.01)
 
 
 def alter_memory(policy: Policy) -> None:

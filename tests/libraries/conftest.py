@@ -16,7 +16,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
     All of their tests have the mark ``libraries``.
     """
-    is_deselected = "not libraries" in config.getoption("markexpr")
+    is_deselected = "not libraries" in str(config.getoption("markexpr"))
     return True if is_deselected and collection_path.name in _NEED_LIBRARIES else None
 
 

@@ -6,7 +6,7 @@ import copy
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -46,7 +46,7 @@ class Masked(gymnasium.Env[Any, Any]):
 
 @pytest.fixture(scope="module", autouse=True)
 def _masked() -> Iterator[None]:
-    gymnasium.register("MaskedImage-v0", Masked)
+    cast(Any, gymnasium).register("MaskedImage-v0", Masked)
     yield
     del gymnasium.registry["MaskedImage-v0"]
 

@@ -144,7 +144,7 @@ def test_single_wrappers_wrap_a_game(cartpole: Any) -> None:
     assert observation.shape == (3, size)
     lengths: list[int] = []
     for episode in range(3):
-        length, has_ended = 0, False
+        length, info, has_ended = 0, dict[str, Any](), False
         while not has_ended:
             previous = observation
             observation, _, terminated, truncated, info = env.step(0)

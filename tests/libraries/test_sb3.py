@@ -11,7 +11,7 @@ import zipfile
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -71,8 +71,8 @@ class Pictures(gymnasium.Env[Any, Any]):
 @pytest.fixture(scope="module", autouse=True)
 def _pictures() -> Iterator[None]:
     only_eye = partial(gymnasium.wrappers.FilterObservation, filter_keys=["eye"])
-    gymnasium.register("Pictures-v0", Pictures)
-    gymnasium.register("Picture-v0", lambda: only_eye(Pictures()))
+    cast(Any, gymnasium).register("Pictures-v0", Pictures)
+    cast(Any, gymnasium).register("Picture-v0", lambda: only_eye(Pictures()))
     yield
     del gymnasium.registry["Pictures-v0"], gymnasium.registry["Picture-v0"]
 

@@ -12,7 +12,7 @@ from ludus.check.finding import Finding, fail, info, ok, warn
 from ludus.libraries import LudusEnv
 from ludus.spec import Spec
 
-__all__ = ["check_gymnasium"]
+__all__ = ["check_gymnasium", "why_not_gymnasium"]
 
 TITLE = "gymnasium.utils.env_checker.check_env"
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
@@ -25,7 +25,7 @@ _FORMAT_HINT = (
 
 def check_gymnasium(context: CheckContext) -> list[Finding]:
     """Run ``check_env``; its warnings become findings."""
-    reason = _not_applicable(context.spec)
+    reason = why_not_gymnasium(context.spec)
     if reason:
         return [info(TITLE, f"does not apply: {reason}")]
     try:
@@ -42,7 +42,8 @@ def check_gymnasium(context: CheckContext) -> list[Finding]:
     return [ok(TITLE), *(warn("Gymnasium warns", text) for text in dict.fromkeys(texts))]
 
 
-def _not_applicable(spec: Spec) -> str:
+def why_not_gymnasium(spec: Spec) -> str:
+    """Return why ``check_env`` does not apply to a game; empty if it does."""
     policy, *others = spec.policies
     if others:
         names = ", ".join(policy.name for policy in spec.policies)

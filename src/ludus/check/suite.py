@@ -14,6 +14,7 @@ from ludus.check.frame_rules import check_frame_rules
 from ludus.check.gymnasium_env import check_gymnasium
 from ludus.check.layouts import check_layouts
 from ludus.check.observations import check_observations
+from ludus.check.pettingzoo_env import check_pettingzoo
 from ludus.check.resets import check_resets
 from ludus.check.seeds import check_seeds
 from ludus.check.timing import check_timing
@@ -31,6 +32,7 @@ CHECKS: dict[str, Check] = {
     "determinism": check_determinism,
     "resets": check_resets,
     "gymnasium": check_gymnasium,
+    "pettingzoo": check_pettingzoo,
     "vector": check_vector_env,
     "actions": check_actions,
     "observations": check_observations,

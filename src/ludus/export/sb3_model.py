@@ -257,12 +257,12 @@ def _check_action(saved: Sb3Model, spec: PolicySpec) -> None:
 
 
 def _image(entry: ObservationEntry, parts: _Parts) -> ImageNetwork:
-    layers, linear = parts.images[entry.name]
+    layers, (weight, bias) = parts.images[entry.name]
     convolutions = tuple(
-        Convolution(_array(weight), _array(bias), stride, 0, "relu")
-        for (weight, bias), (_, stride) in zip(layers, _NATURE_CNN, strict=True)
+        Convolution(_array(kernel), _array(offset), stride, 0, "relu")
+        for (kernel, offset), (_, stride) in zip(layers, _NATURE_CNN, strict=True)
     )
-    return ImageNetwork(entry.name, convolutions, Linear(*map(_array, linear), "relu"))
+    return ImageNetwork(entry.name, convolutions, Linear(_array(weight), _array(bias), "relu"))
 
 
 def _columns(spec: PolicySpec, image_sizes: Mapping[str, int]) -> NDArray[np.int64]:

@@ -97,7 +97,7 @@ class _Function:
         return to_action_batch(self._policy, actions, self._num_agents)
 
 
-def _player(player: Player, policy: PolicySpec, num_agents: int) -> _Acts:
+def _player(player: object, policy: PolicySpec, num_agents: int) -> _Acts:
     if callable(player):
         return _Function(player, policy, num_agents)
     if not isinstance(player, str | Path):

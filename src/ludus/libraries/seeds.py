@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ def check_seed(seed: Any, where: str = "seed") -> int | None:
     if seed is None:
         return None
     if isinstance(seed, int | np.integer) and not isinstance(seed, bool) and 0 <= seed <= MAX_SEED:
-        return int(seed)
+        return int(cast(int, seed))
     raise UsageError(f"{where} must be an integer from 0 to 2**63 - 1, not {seed!r}")
 
 
