@@ -42,8 +42,12 @@ def disk_errors(what: str) -> Generator[None, None, None]:
 
 
 def write_synced(path: Path, data: bytes) -> None:
-    """Write a file and wait until the disk has it."""
-    with path.open("wb") as file:
+    """Write a new file and wait until the disk has it; what is in its place goes first.
+
+    A link there is not followed: whoever gives away a project or a run may have laid one.
+    """
+    path.unlink(missing_ok=True)
+    with path.open("xb") as file:
         file.write(data)
         file.flush()
         os.fsync(file.fileno())

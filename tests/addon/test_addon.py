@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -270,3 +271,54 @@ def test_add_on_of_this_checkout_can_be_installed(project: Path) -> None:
     change = install_addon(project)
     assert "plugin.cfg" in change.added
     assert addon_status(project).is_current
+
+
+def test_links_out_of_the_project_are_neither_followed_nor_copied(
+    source: Path, project: Path, tmp_path: Path
+) -> None:
+    secret = tmp_path / "secret"
+    secret.write_text("password")
+    (tmp_path / "folder").mkdir()
+    install_addon(project)
+    addon = project / "addons" / "ludus"
+    (addon / "mine.gd").symlink_to(secret)
+    (addon / "mine").symlink_to(tmp_path / "folder")
+    (source / "agent.gd").write_text("extends Node  # new\n")
+    assert install_addon(project).updated == ("agent.gd",)
+    assert (addon / "mine.gd").readlink() == secret
+    assert (addon / "mine").readlink() == tmp_path / "folder"
+    (addon / "agent.gd").unlink()
+    (addon / "agent.gd").symlink_to(secret)
+    with pytest.raises(ConfigError, match=r"changed by hand:\n  addons/ludus/agent.gd"):
+        install_addon(project)
+    install_addon(project, force=True)
+    assert (addon / "agent.gd").read_text() == "extends Node  # new\n"
+    assert not (addon / "agent.gd").is_symlink()
+    assert secret.read_text() == "password"
+
+
+@pytest.mark.parametrize("name", ["addons", "project.godot"])
+def test_a_linked_folder_or_project_file_is_refused(
+    name: str, source: Path, project: Path, tmp_path: Path
+) -> None:
+    outside = tmp_path / "outside"
+    if name == "addons":
+        outside.mkdir()
+    else:
+        (project / name).rename(outside)
+    (project / name).symlink_to(outside)
+    with pytest.raises(ConfigError, match=f"{name} in .* is a link to {outside}"):
+        install_addon(project)
+    assert (project / name).is_symlink()
+    assert name != "addons" or list(outside.iterdir()) == []
+
+
+def test_links_in_the_place_of_temporary_files_are_not_followed(
+    source: Path, project: Path, tmp_path: Path
+) -> None:
+    target = tmp_path / "target"
+    target.write_text("mine")
+    (project / f".project.godot.{os.getpid()}.tmp").symlink_to(target)
+    install_addon(project)
+    assert target.read_text() == "mine"
+    assert "addons/ludus/plugin.cfg" in (project / "project.godot").read_text()

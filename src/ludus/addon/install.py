@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-import os
 import shutil
 import tempfile
 from collections.abc import Generator
@@ -19,6 +18,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from ludus.addon.references import find_dropped, moved_scripts, rewrite_references
+from ludus.disk import read_json, write_atomically
 from ludus.engine.bundled import bundled_root, package_version
 from ludus.engine.config_file import add_string, add_to_string_array, parse_config
 from ludus.engine.kinds import EngineKind
@@ -169,6 +169,7 @@ def install_addon(project: Path, *, force: bool = False) -> AddonChange:
         SetupError: The project cannot be written.
     """
     root = find_project(project).root
+    _refuse_link(root / PROJECT_FILE, root)
     if (root / LEGACY_PATH).is_dir():
         install_folder(root, LEGACY_PATH, force=force)
     change = install_folder(root, ADDON_PATH, force=force)
@@ -196,10 +197,9 @@ def install_folder(root: Path, path: str, *, force: bool) -> AddonChange:
     if read_project(root).engine_kind is EngineKind.GODOT3:
         _refuse_dropped(root, files.version)
     is_bundled = target.resolve() == source.resolve()
-    if target.is_symlink() and not is_bundled:
-        raise ConfigError(
-            f"{target} is a link to {target.resolve()}", hint="remove the link, then try again"
-        )
+    if not is_bundled:
+        for place in (target, target.parent):
+            _refuse_link(place, root)
     changed = files.changed()
     if changed and not force:
         rows = "\n".join(f"  {path}/{name}" for name in changed)
@@ -220,6 +220,19 @@ def install_folder(root: Path, path: str, *, force: bool) -> AddonChange:
         with _disk_errors(root):
             _swap_in(source, target, files, version)
     return change
+
+
+def _refuse_link(path: Path, root: Path) -> None:
+    """Refuse a link in the place of a folder of the add-on, or of the project's file.
+
+    Whoever made the project could have it lead anywhere, to be written to or copied from.
+    """
+    if path.is_symlink():
+        where = path.relative_to(root).as_posix()
+        raise ConfigError(
+            f"{where} in {root} is a link to {path.readlink()}",
+            hint="put the folder or file itself there, then try again",
+        )
 
 
 def _refuse_dropped(root: Path, installed: str | None) -> None:
@@ -249,7 +262,7 @@ def _disk_errors(root: Path) -> Generator[None, None, None]:
 def _survey(source: Path, target: Path) -> _Files:
     files = _Files(_hashes(source), _hashes(target))
     try:
-        data: Any = json.loads((target / MANIFEST_NAME).read_text(encoding="utf-8"))
+        data: Any = read_json(target / MANIFEST_NAME)
         files.recorded = {str(name): str(sha) for name, sha in data["files"].items()}
         files.version = str(cast("dict[str, Any]", data)["version"])
     except FileNotFoundError:
@@ -275,7 +288,9 @@ def _hashes(folder: Path) -> dict[str, str]:
     found: dict[str, str] = {}
     for file in sorted(folder.rglob("*")):
         name = file.relative_to(folder).as_posix()
-        if file.is_file() and name != MANIFEST_NAME and ".godot" not in file.parts:
+        if file.is_symlink():  # stays one, and is a change if it is in the place of our file
+            found[name] = f"link to {file.readlink()}"
+        elif file.is_file() and name != MANIFEST_NAME and ".godot" not in file.parts:
             content = file.read_bytes().replace(b"\r\n", b"\n")
             found[name] = hashlib.sha256(content).hexdigest()
     return found
@@ -308,7 +323,7 @@ def _swap_in(source: Path, target: Path, files: _Files, version: str) -> None:
 
 def _copy_file(source: Path, target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(source, target)
+    shutil.copyfile(source, target, follow_symlinks=False)
 
 
 def read_project_file(root: Path) -> str:
@@ -341,10 +356,6 @@ def write_project_file(root: Path, text: str) -> None:
         OSError: It cannot be written.
     """
     file = root / PROJECT_FILE
-    temporary = file.with_name(f".{PROJECT_FILE}.{os.getpid()}")
-    try:
-        temporary.write_text(text, encoding="utf-8", newline="")
-        shutil.copymode(file, temporary)
-        temporary.replace(file)
-    finally:
-        temporary.unlink(missing_ok=True)
+    mode = file.stat().st_mode
+    write_atomically(file, text.encode())
+    file.chmod(mode)

@@ -60,7 +60,7 @@ def find_script_classes(folder: Path, root: str) -> list[ScriptClass]:
         root: ``res://`` path of that folder.
     """
     found: list[ScriptClass] = []
-    for file in sorted(folder.rglob("*.gd")):
+    for file in sorted(path for path in folder.rglob("*.gd") if not path.is_symlink()):
         text = file.read_text(encoding="utf-8")
         name, base = _CLASS_NAME.search(text), _EXTENDS.search(text)
         if name is not None and base is not None:

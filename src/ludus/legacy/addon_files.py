@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from ludus.addon import ADDON_PATH, LEGACY_PATH
+from ludus.disk import write_atomically
 from ludus.engine.bundled import bundled_root
 from ludus.engine.kinds import EngineKind
 from ludus.errors import SetupError
@@ -71,10 +72,12 @@ def back_up(root: Path, replacements: Mapping[Path, str], backup_dir: str) -> st
 def _replace(root: Path, file: Path, text: str, kept: Path) -> None:
     target = kept / file.relative_to(root)
     target.parent.mkdir(parents=True, exist_ok=True)
-    incoming = file.with_suffix(f"{file.suffix}.incoming")
-    incoming.write_text(text, encoding="utf-8")
     file.rename(target)
-    incoming.rename(file)
+    try:
+        write_atomically(file, text.encode())
+    except OSError:
+        target.rename(file)
+        raise
 
 
 def _free_folder(root: Path, path: str) -> Path:
@@ -88,7 +91,7 @@ def _free_folder(root: Path, path: str) -> Path:
 def _classes(folder: Path) -> Iterator[tuple[str, Path]]:
     """Yield all classes that scripts below a folder declare, but for those of Ludus's own names."""
     for file in sorted(folder.rglob("*.gd")):
-        if is_hidden(file, folder):
+        if is_hidden(file, folder) or file.is_symlink() or not file.is_file():
             continue
         found = _CLASS_NAME.search(file.read_text(encoding="utf-8", errors="replace"))
         if found and not found[1].startswith(_OWN_PREFIX):
