@@ -33,7 +33,6 @@ _MESA = (
     "libvulkan1",
     "mesa-vulkan-drivers",
 )
-_TEMPLATE = "godot-template-release"
 _IN_OWN_FOLDER = """\
 cd -- "$prefix/.." || exit
 set -- -xkbdir "$prefix/usr/share/X11/xkb" "$@"
@@ -87,14 +86,17 @@ def debian_engine(kind: EngineKind, rendering: bool) -> DebianInstaller:
     return DebianInstaller(packages + (_MESA if rendering else ()), launchers, rendering)
 
 
-def debian_template() -> DebianInstaller:
-    """Return the installer of the export template; Debian has one release at a time.
+def debian_template(kind: str = "release") -> DebianInstaller:
+    """Return the installer of the export template; Debian has one version at a time.
 
     Games made from it need the libraries of its prefix; `prefix.bind_to_prefix` makes them use
     those.
+
+    Args:
+        kind: ``release`` or ``debug``.
     """
-    packages = (_TEMPLATE, "patchelf")
-    return DebianInstaller(packages, {"template": _TEMPLATE}, adapt=_adapt_template)
+    template = f"godot-template-{kind}"
+    return DebianInstaller((template, "patchelf"), {"template": template}, adapt=_adapt_template)
 
 
 def _adapt_template(prefix: Path) -> None:

@@ -28,6 +28,8 @@ __all__ = ["export_game"]
 DEFAULT_TIMEOUT_S = 300.0
 
 _PRESET_NAME = "ludus"
+_FEATURE = "ludus"
+"""Custom feature of presets; the add-on of Godot 4 knows it as well."""
 # All resources: those that a game loads by a path made at run time would be missing otherwise.
 _PRESET = """\
 [preset.0]
@@ -38,6 +40,7 @@ runnable=true
 export_filter="all_resources"
 include_filter={include}
 exclude_filter=""
+custom_features="{features}"
 
 [preset.0.options]
 
@@ -59,6 +62,7 @@ def export_game(
     *,
     godot: Path | str | None = None,
     include: tuple[str, ...] = ("*.json",),
+    is_trainable: bool = True,
     timeout_s: float = DEFAULT_TIMEOUT_S,
 ) -> Path:
     """Export a project: an executable for this machine, and its data (``.pck``) beside it.
@@ -72,6 +76,8 @@ def export_game(
         output: Executable to write, such as ``build/game.x86_64``; its folder is made.
         godot: Engine to use instead of looking for one.
         include: Patterns of further files to export, which are not resources.
+        is_trainable: Give the game the custom feature ``ludus``, so that it can be trained;
+            without it the game plays its policies, and listens to nobody.
         timeout_s: How long Godot may take, its import of the project included.
 
     Returns:
@@ -92,7 +98,8 @@ def export_game(
     output = Path(output).expanduser().absolute()
     try:
         with tempfile.TemporaryDirectory(prefix="ludus-export-") as temporary:
-            copy = _copy_project(found, Path(temporary), template, include)
+            features = _FEATURE if is_trainable else ""
+            copy = _copy_project(found, Path(temporary), template, include, features)
             built = copy.parent / "game" / output.name
             built.parent.mkdir()
             _run_godot(engine.path, copy, built, timeout_s)
@@ -109,13 +116,18 @@ def export_game(
 
 
 def _copy_project(
-    project: Project, folder: Path, template: ExportTemplate, include: tuple[str, ...]
+    project: Project,
+    folder: Path,
+    template: ExportTemplate,
+    include: tuple[str, ...],
+    features: str,
 ) -> Path:
     copy = folder / "project"
     shutil.copytree(project.root, copy, ignore=_not_copied, ignore_dangling_symlinks=True)
     preset = _PRESET.format(
         name=_PRESET_NAME,
         include=quote_string(", ".join(include)),
+        features=features,
         template=quote_string(str(template.path)),
         architecture=platform_key().removeprefix("linux-"),
     )

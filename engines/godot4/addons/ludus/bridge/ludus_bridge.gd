@@ -53,6 +53,12 @@ const LudusStage := preload("res://addons/ludus/world/stage.gd")
 const LudusTrainingStatus := preload("res://addons/ludus/training/training_status.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
+## Custom feature of an export preset whose release builds may be trained.
+const TRAINABLE_FEATURE := "ludus"
+const NOT_TRAINABLE := (
+	"exported without the feature `ludus`: " + "add it to the preset's custom features"
+)
+
 static var _instance: LudusBridge
 
 ## Plays agents that have a [LudusPolicy] while no trainer is there.
@@ -90,6 +96,12 @@ static func exists() -> bool:
 static func has_trainer_arguments() -> bool:
 	var arguments := LudusArguments.read()
 	return arguments.has_trainer() or not arguments.play_scene.is_empty()
+
+
+## Whether a trainer may have this game: in the editor's engine, in debug builds, and in release
+## builds with the custom feature [constant TRAINABLE_FEATURE]. Others are for players only.
+static func is_trainable() -> bool:
+	return OS.has_feature("editor") or OS.is_debug_build() or OS.has_feature(TRAINABLE_FEATURE)
 
 
 ## Calls one of the methods that ask something of the trainer. Returns why that was refused, or an
@@ -365,6 +377,10 @@ func _start() -> void:
 	_phase = Phase.MANUAL
 	_manual = LudusManualPlay.new()
 	_arguments = LudusArguments.read()
+	if not is_trainable() and _arguments.play_scene.is_empty():
+		if _arguments.has_trainer():
+			_end(NOT_TRAINABLE)
+		return
 	if not has_trainer_arguments() and _guidance.is_in_scene():
 		return
 	_link = LudusLink.new()

@@ -7,7 +7,8 @@ extends Node
 ## ([member scene_path]). When the game runs, it looks for [code]ludus serve[/code] at
 ## [member port], starts it if need be, and asks it to train, to stop, to play a round for people
 ## to watch, to save and to write the policies. Keys, an overlay and the methods here do the same.
-## In the worlds that are trained, and in games that a trainer has started, the node does nothing.
+## In the worlds that are trained, in games that a trainer has started, and in release builds
+## without the custom feature [code]ludus[/code], the node does nothing.
 
 ## Emitted when the trainer has come, gone, or begun something else.
 signal state_changed(state: State)
@@ -107,12 +108,16 @@ func is_in_charge() -> bool:
 		if ancestor is LudusStage:
 			return false
 		ancestor = ancestor.get_parent()
-	return not Engine.is_editor_hint() and not LudusBridge.has_trainer_arguments()
+	return (
+		not Engine.is_editor_hint()
+		and LudusBridge.is_trainable()
+		and not LudusBridge.has_trainer_arguments()
+	)
 
 
 ## Looks for a trainer, and starts one if there is none.
 func connect_trainer() -> void:
-	if state != State.OFFLINE:
+	if state != State.OFFLINE or not LudusBridge.is_trainable():
 		return
 	message = "looking for a trainer"
 	_server = null
