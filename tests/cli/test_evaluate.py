@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+import ludus
 from ludus.cli.main import main
 from tests.cli.short_runs import short_run
 
@@ -64,6 +65,23 @@ def test_random_play_in_a_run_and_in_a_game(
 def test_a_game_needs_something_that_plays_it(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["evaluate", GAME]) == 2
     assert "nothing was named that plays it" in capsys.readouterr().err
+
+
+@pytest.mark.engine
+def test_each_policy_has_its_own_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = ludus.train(
+        "tag", num_worlds=4, num_engines=1, total_steps=256, evaluation_episodes=0, runs=tmp_path,
+        ppo={"rollout_steps": 8, "hidden_sizes": [8]},
+    )  # fmt: skip
+    files = run.export(parity=False)
+    policies = ["--policy", str(files["runner"]), "--policy", str(files["chaser"])]
+    assert main(["evaluate", "tag", *policies, "--episodes", "4", "--json"]) == 0
+    by_files = json.loads(capsys.readouterr().out)["policies"]
+    assert main(["evaluate", str(run.path), "--episodes", "4", "--json"]) == 0
+    by_run = json.loads(capsys.readouterr().out)["policies"]
+    assert by_files.keys() == {"chaser", "runner"}
+    for name in by_files:
+        assert by_files[name]["returns"] == pytest.approx(by_run[name]["returns"], abs=1e-3)
 
 
 def test_a_checkpoint_is_found_from_inside_it(

@@ -26,8 +26,8 @@ class EvaluateCommand(ActionFlags, GameFlags):
     Attributes:
         run: Run folder, whose newest checkpoint is used, or one of its checkpoints; with --policy
             or --random, a game works as well.
-        policy: Run folder or checkpoint of trained agents; or policy files (.ludus.json), one for
-            each policy of the game. Empty: those of the run.
+        policy: Run folder or checkpoint of trained agents; or policy files (.ludus.json), each with
+            its own --policy. Without it: those of the run.
         episodes: Episodes of each policy.
         random: Take random actions.
         stochastic: Sample actions as in training; with names, only these policies do.
@@ -38,7 +38,7 @@ class EvaluateCommand(ActionFlags, GameFlags):
     """
 
     run: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="RUN")]
-    policy: tuple[Path, ...] = ()
+    policy: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
     episodes: int = 20
     random: bool = False
     stochastic: tuple[str, ...] | None = field(  # pyright: ignore[reportIncompatibleVariableOverride]
