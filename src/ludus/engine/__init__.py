@@ -13,6 +13,7 @@ from ludus.engine.affinity import (
 )
 from ludus.engine.doctor import FindingStatus, doctor
 from ludus.engine.export_game import export_game
+from ludus.engine.exported import exported_version, is_bevy_game
 from ludus.engine.find import (
     InstalledEngine,
     find_engine,
@@ -60,6 +61,7 @@ __all__ = [
     "ensure_imported",
     "executable_command",
     "export_game",
+    "exported_version",
     "find_engine",
     "find_project",
     "godot_command",
@@ -67,6 +69,7 @@ __all__ = [
     "install_engine",
     "install_screen",
     "install_template",
+    "is_bevy_game",
     "list_engines",
     "matching_template",
     "num_cores",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ipaddress
 import os
 import selectors
 import shutil
@@ -16,9 +17,11 @@ from ludus.errors import EngineTimeout, ProtocolError
 from ludus.link.busy_poller import BusyPoller
 from ludus.wire.frames import HEADER_BYTES, FrameType, decode_header
 
-__all__ = ["Link", "LinkClosed", "Listener", "connect", "listen_tcp"]
+__all__ = ["BACKLOG", "Link", "LinkClosed", "Listener", "connect", "is_loopback", "listen_tcp"]
 
 _POLL_INTERVAL_S = 0.05
+BACKLOG = 128
+"""A client that does not fit into this queue connects a second later, when TCP tries again."""
 
 
 class LinkClosed(Exception):  # noqa: N818 - an event, which the session explains
@@ -160,31 +163,45 @@ class Link:
 
 
 class Listener:
-    """Waits for one engine, on a Unix socket where there is one and on loopback TCP.
+    """Waits for one engine, on a Unix socket where there is one, on loopback TCP where that may be.
+
+    Args:
+        tcp_address: Host and port; port 0 takes a free one.
+        has_tcp: Whether to listen at a port even where there is a Unix socket, which other users
+            cannot reach.
 
     Attributes:
         addresses: Where the engine can connect, best first (PROTOCOL.md §10).
+        sockets: What listens there.
     """
 
-    def __init__(self, tcp_address: tuple[str, int] = ("127.0.0.1", 0)) -> None:
-        self._sockets: list[socket.socket] = []
+    def __init__(
+        self, tcp_address: tuple[str, int] = ("127.0.0.1", 0), *, has_tcp: bool = True
+    ) -> None:
         self._folder: Path | None = None
+        self.sockets: list[socket.socket] = []
         self.addresses: list[str] = []
-        if tcp_address[1] == 0 and hasattr(socket, "AF_UNIX"):
-            self._listen_unix()
-        self._listen_tcp(tcp_address)
+        is_unix = tcp_address[1] == 0 and hasattr(socket, "AF_UNIX") and self._listen_unix()
+        if has_tcp or not is_unix:
+            self._listen_tcp(tcp_address)
 
-    def _listen_unix(self) -> None:
+    def _listen_unix(self) -> bool:
+        """Listen in a new folder of this user; return False if its path is too long."""
         self._folder = Path(tempfile.mkdtemp(prefix="ludus-"))
         path = self._folder / "engine"
         listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        listener.bind(os.fspath(path))
-        listener.listen(1)
+        try:
+            listener.bind(os.fspath(path))
+        except OSError:
+            listener.close()
+            return False
+        listener.listen(BACKLOG)
         self._add(listener, f"unix:{path}")
+        return True
 
     def _listen_tcp(self, address: tuple[str, int]) -> None:
         try:
-            listener = listen_tcp(address, 1)
+            listener = listen_tcp(address, BACKLOG)
         except OSError:
             self.close()
             raise
@@ -193,11 +210,11 @@ class Listener:
 
     def _add(self, listener: socket.socket, address: str) -> None:
         listener.setblocking(False)
-        self._sockets.append(listener)
+        self.sockets.append(listener)
         self.addresses.append(address)
 
     def accept(self, timeout_s: float, check: Callable[[], None]) -> Link:
-        """Wait for the engine.
+        """Wait for whoever connects first, unasked; :class:`~ludus.link.door.Door` asks.
 
         Args:
             timeout_s: Longest wait, seconds; also the deadline of the link.
@@ -208,7 +225,7 @@ class Listener:
         """
         deadline = time.monotonic() + timeout_s
         with selectors.DefaultSelector() as selector:
-            for listener in self._sockets:
+            for listener in self.sockets:
                 selector.register(listener, selectors.EVENT_READ)
             while time.monotonic() < deadline:
                 for key, _ in selector.select(_POLL_INTERVAL_S):
@@ -221,9 +238,9 @@ class Listener:
 
     def close(self) -> None:
         """Stop listening; links that were accepted stay."""
-        for listener in self._sockets:
+        for listener in self.sockets:
             listener.close()
-        self._sockets.clear()
+        self.sockets.clear()
         if self._folder is not None:
             shutil.rmtree(self._folder, ignore_errors=True)
 
@@ -235,6 +252,14 @@ def connect(address: tuple[str, int], timeout_s: float) -> Link:
         OSError: Nothing listens there, or it did not answer in time.
     """
     return Link(socket.create_connection(address, timeout_s), timeout_s)
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether a host, as a name or a number, is this machine and no other."""
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return host.lower() == "localhost"
 
 
 def listen_tcp(address: tuple[str, int], backlog: int = 16) -> socket.socket:

@@ -27,12 +27,13 @@ from ludus.spec.batch import ActionBatch, Batches, StepTimes
 from ludus.spec.finite import check_finite
 from ludus.wire.error_report import error_report
 from ludus.wire.frames import FrameType, decode_json, encode_frame, encode_json
+from ludus.wire.greeting import Greeting
 from ludus.wire.handshake import EngineConfig, Hello, welcome
 from ludus.wire.requests import CAPABILITY as REQUESTS
 from ludus.wire.requests import METRICS, MetricSummary, add_metrics, read_requests, split_metrics
 from ludus.wire.reset import ResetRequest
 from ludus.wire.spec_reader import read_spec
-from ludus.wire.state import ConnectionState, State
+from ludus.wire.state import State
 from ludus.wire.step import BatchDecoder, StepEncoder
 
 __all__ = ["BRIDGE", "EngineSession", "RendererMissing"]
@@ -54,7 +55,7 @@ class EngineSession:
         link: Open connection.
         config: What to ask of the engine.
         supervision: The engine's process, if it is ours.
-        token: Secret shared with an engine on another machine.
+        greeting: How far the greeting has come on this link; the session goes on with it.
         step_timeout_s: Deadline of every answer, seconds.
 
     Attributes:
@@ -76,20 +77,19 @@ class EngineSession:
         link: Link,
         config: EngineConfig,
         supervision: Supervision,
-        token: str = "",
+        greeting: Greeting,
         step_timeout_s: float = 60.0,
     ) -> None:
         self._link = link
         self._supervision = supervision
-        self._state = ConnectionState()
+        self._state = greeting.state
         self._call_id = 0
         self._num_steps = 0
         self._requests: list[dict[str, Any]] = []
         self._metrics: dict[str, MetricSummary] = {}
         try:
-            self.hello = Hello.from_json(self._receive_json(FrameType.HELLO))
-            version = self._agree(token)
-            answer = welcome(version, self.hello, config, token, self._more_capabilities)
+            self.hello = self._greet(greeting)
+            answer = welcome(greeting.version, self.hello, config, self._more_capabilities)
             self._send(FrameType.WELCOME, encode_json(FrameType.WELCOME, answer))
             self.spec = read_spec(self._receive_json(FrameType.SPEC))
         except EngineTimeout as error:
@@ -279,18 +279,15 @@ class EngineSession:
         self._link.close()
         self._supervision.close()
 
-    def _agree(self, token: str) -> int:
-        """Return the protocol version, after checking the engine's token."""
-        if token and not self.hello.has_token(token):
-            self._send_error("token", "the tokens differ")
-            raise EngineStartError(
-                "the engine's token is not ours", hint="give both sides the same token file"
-            )
-        try:
-            return self.hello.agree()
-        except EngineStartError as error:
-            self._send_error("version", error.message, error.hint)
-            raise
+    def _greet(self, greeting: Greeting) -> Hello:
+        """Finish the greeting; return the engine's ``HELLO``."""
+        with self._wrap_errors():
+            while not greeting.is_over:
+                answer = greeting.answer(*self._next_frame())
+                if answer is not None:
+                    self._link.send(answer)
+        assert greeting.hello is not None, "it is over"
+        return greeting.hello
 
     def _send_error(self, code: str, message: str, hint: str = "") -> None:
         """Tell the engine why the session ends, if it still listens."""
@@ -319,11 +316,14 @@ class EngineSession:
             return decode_json(self._next_payload(), frame_type.name)
 
     def _next_payload(self) -> bytes:
+        return self._next_frame()[1]
+
+    def _next_frame(self) -> tuple[FrameType, bytes]:
         frame_type, payload = self._link.receive()
         self._state.receive(frame_type)
         if frame_type in _ENDINGS:
             raise self._error_of(frame_type, payload)
-        return payload
+        return frame_type, payload
 
     def _error_of(self, frame_type: FrameType, payload: bytes) -> LudusError:
         """Return the error for a ``CLOSE`` or ``ERROR`` that came instead of an answer."""

@@ -3,33 +3,53 @@
 from __future__ import annotations
 
 import contextlib
+import functools
+import logging
 import os
+import secrets
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ludus.engine import (
     RUN_SCENE,
+    EngineKind,
     EngineProcess,
     GodotFlags,
     LaunchConfig,
     ensure_imported,
     executable_command,
+    exported_version,
     godot_command,
+    is_bevy_game,
     require_addon,
     with_display,
 )
-from ludus.errors import EngineStartError, EngineTimeout
-from ludus.link import Link, Listener, connect
+from ludus.errors import EngineCrashed, EngineStartError, EngineTimeout
+from ludus.link import Door, Guest, Link, Listener, connect, is_loopback
 from ludus.session.engine_session import EngineSession, RendererMissing
 from ludus.session.supervision import Supervision
+from ludus.session.user_token import user_token
 from ludus.target import Address, EngineTarget, Executable, Play, Scene, prepare
-from ludus.wire.handshake import EngineConfig
+from ludus.wire.greeting import Greeting
+from ludus.wire.handshake import EngineConfig, Hello
+from ludus.wire.proof import MIN_TOKEN_LENGTH
 
 __all__ = ["LaunchOptions", "open_session"]
 
+TOKEN_VARIABLE = "LUDUS_TOKEN"
+"""Environment variable with the token of a game that is started here (PROTOCOL.md §3)."""
+
 _DRAW_ONLY_WHEN_ASKED = ("--disable-render-loop", "--resolution", "64x64")
 _MIN_GREETING_S = 1.0
+_FIRST_GODOT_WITH_UNIX = (4, 6)
+_TOKEN_HINT = (
+    "put one into a file; start the game with --ludus-token-file=FILE, and Ludus with "
+    "--token-file FILE"
+)
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +69,8 @@ class LaunchOptions:
         step_timeout_s: How long an answer may take.
         play_timeout_s: How long to wait for somebody to press Play.
         engine_args: Further arguments for the engine itself, such as ``--write-movie``.
-        token: Secret shared with a game on another machine, at least 16 characters.
+        token: Secret shared with a game that somebody else starts, at least 16 characters; empty:
+            the one of this user on this machine. A game that is started here gets its own.
     """
 
     is_windowed: bool = False
@@ -79,7 +100,7 @@ def open_session(
     options = options or LaunchOptions()
     game = prepare(target)
     if isinstance(game, Address):
-        return _converse(_connect(game, options), None, config, options)
+        return _attach(game, config, options)
     if isinstance(game, Play):
         return _await_play(game, config, options)
     if isinstance(game, Scene):
@@ -95,19 +116,29 @@ def open_session(
 def _launch(
     game: Scene | Executable, config: EngineConfig, options: LaunchOptions
 ) -> EngineSession:
-    with contextlib.closing(Listener()) as listener:
+    token = secrets.token_hex(32)
+    with contextlib.closing(Listener(has_tcp=not _has_unix_sockets(game))) as listener:
         addresses = ",".join(listener.addresses)
         launch = LaunchConfig(
             command=_command(
                 game, options, (f"--ludus-connect={addresses}", f"--ludus-parent={os.getpid()}")
             ),
+            env={TOKEN_VARIABLE: token},
             cores=options.cores,
             log_path=options.log_path,
         )
         process = EngineProcess.start(launch)
         deadline = time.monotonic() + options.start_timeout_s
         try:
-            link = listener.accept(options.start_timeout_s, Supervision(process).check_alive)
+            guest = _await_engine(
+                Door(
+                    listener.sockets,
+                    lambda: Greeting(token, takes_protocol_1=True),
+                    options.start_timeout_s,
+                ),
+                options.start_timeout_s,
+                Supervision(process).check_alive,
+            )
         except EngineTimeout as error:
             report = process.describe_death()
             process.terminate()
@@ -117,14 +148,69 @@ def _launch(
         except BaseException:
             process.terminate()
             raise
-    link.timeout_s = max(_MIN_GREETING_S, deadline - time.monotonic())
-    return _converse(link, process, config, options)
+    if guest.greeting.version == 1:
+        _warn_of_protocol_1(guest.greeting.hello)
+    left_s = max(_MIN_GREETING_S, deadline - time.monotonic())
+    return _converse(guest, left_s, process, config, options)
+
+
+def _has_unix_sockets(game: Scene | Executable) -> bool:
+    """Return whether a game that is started here connects by a Unix socket."""
+    if isinstance(game, Scene):
+        engine = game.find_engine()
+        return engine.kind is EngineKind.GODOT4 and engine.version >= _FIRST_GODOT_WITH_UNIX
+    return is_bevy_game(game.path) or (exported_version(game.path) or ()) >= _FIRST_GODOT_WITH_UNIX
+
+
+def _await_engine(door: Door, timeout_s: float, check: Callable[[], None]) -> Guest:
+    """Wait for the first engine that proves itself; drop all others.
+
+    Args:
+        door: Where engines come; closed afterwards.
+        timeout_s: Longest wait, seconds.
+        check: Called about ten times a second; raises if waiting has become pointless.
+
+    Raises:
+        GreetingRefused: The game has ended, because it was refused.
+        EngineTimeout: None came in time.
+    """
+    deadline = time.monotonic() + timeout_s
+    with contextlib.closing(door):
+        try:
+            while time.monotonic() < deadline:
+                for guest in door.await_guests():
+                    return guest
+                check()
+        except EngineCrashed as error:
+            # The game has printed what it was told; a stranger that was refused has not.
+            if door.refusal is not None and door.refusal.message in error.message:
+                raise door.refusal from error
+            raise
+    refused = "" if door.refusal is None else f"; one was refused: {door.refusal}"
+    raise EngineTimeout(f"no engine connected within {timeout_s:g} s{refused}")
+
+
+@functools.cache
+def _warn_of_protocol_1(hello: Hello) -> None:
+    """Say once what an old add-on cannot do."""
+    log.warning(
+        "the game's add-on (%s, protocol 1) cannot prove who it is; it is trusted because it was "
+        "started here: %s",
+        hello.engine,
+        hello.upgrade,
+    )
 
 
 def _converse(
-    link: Link, process: EngineProcess | None, config: EngineConfig, options: LaunchOptions
+    guest: Guest,
+    timeout_s: float,
+    process: EngineProcess | None,
+    config: EngineConfig,
+    options: LaunchOptions,
 ) -> EngineSession:
-    return EngineSession(link, config, Supervision(process), options.token, options.step_timeout_s)
+    link = Link(guest.socket, timeout_s, bytes(guest.received))
+    supervision = Supervision(process)
+    return EngineSession(link, config, supervision, guest.greeting, options.step_timeout_s)
 
 
 def _command(
@@ -152,18 +238,20 @@ def _command(
     return with_display(command) if has_renderer else command
 
 
-def _connect(game: Address, options: LaunchOptions) -> Link:
-    _check_token(game.host, options.token)
+def _attach(game: Address, config: EngineConfig, options: LaunchOptions) -> EngineSession:
+    token = _token_for(game, options.token)
     try:
-        return connect((game.host, game.port), options.start_timeout_s)
+        link = connect((game.host, game.port), options.start_timeout_s)
     except OSError as error:
         raise EngineStartError(
             f"no game answers at {game.host}:{game.port}: {error}",
             hint=f"start the game with `-- --ludus-listen={game.host}:{game.port}`",
         ) from error
+    return EngineSession(link, config, Supervision(None), Greeting(token), options.step_timeout_s)
 
 
 def _await_play(game: Play, config: EngineConfig, options: LaunchOptions) -> EngineSession:
+    token = options.token or user_token()
     try:
         listener = Listener((game.host, game.port))
     except OSError as error:
@@ -172,16 +260,21 @@ def _await_play(game: Play, config: EngineConfig, options: LaunchOptions) -> Eng
             hint="another trainer may be waiting there; end it first",
         ) from error
     with contextlib.closing(listener):
-        link = listener.accept(options.play_timeout_s, lambda: None)
-    link.timeout_s = options.start_timeout_s
-    return _converse(link, None, config, options)
+        door = Door(listener.sockets, lambda: Greeting(token), options.start_timeout_s)
+        guest = _await_engine(door, options.play_timeout_s, lambda: None)
+    return _converse(guest, options.start_timeout_s, None, config, options)
 
 
-def _check_token(host: str, token: str) -> None:
-    is_local = host in {"localhost", "::1"} or host.startswith("127.")
-    if not is_local and len(token) < 16:
+def _token_for(game: Address, token: str) -> str:
+    """Return the token that a listening game knows: the one given, or this user's."""
+    if token and len(token) < MIN_TOKEN_LENGTH:
         raise EngineStartError(
-            f"a game on another machine ({host}) needs a token of at least 16 characters",
-            hint="put one into a file; start the game with --ludus-token-file=FILE, and Ludus with "
-            "--token-file FILE",
+            f"the token has {len(token)} characters, expected at least {MIN_TOKEN_LENGTH}",
+            hint=_TOKEN_HINT,
         )
+    if not token and not is_loopback(game.host):
+        raise EngineStartError(
+            f"a game on another machine ({game.host}) needs a token of at least 16 characters",
+            hint=_TOKEN_HINT,
+        )
+    return token or user_token()

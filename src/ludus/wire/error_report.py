@@ -10,6 +10,7 @@ from ludus.errors import (
     SequenceError,
     UsageError,
 )
+from ludus.wire.handshake import GreetingRefused
 
 __all__ = ["error_report"]
 
@@ -25,5 +26,7 @@ _CODES: tuple[tuple[type[LudusError], str], ...] = (
 
 def error_report(error: LudusError) -> dict[str, str]:
     """Return the content of the frame that reports ``error``."""
+    if isinstance(error, GreetingRefused):
+        return {"code": error.code, "message": error.message, "hint": error.hint}
     code = next((code for kind, code in _CODES if isinstance(error, kind)), "internal")
     return {"code": code, "message": error.message, "hint": error.hint}

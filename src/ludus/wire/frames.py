@@ -26,6 +26,8 @@ HEADER_BYTES = HEADER.size
 MAX_BINARY_BYTES = 1 << 28
 MAX_JSON_BYTES = 1 << 24
 MAX_PING_BYTES = 1 << 20
+MAX_GREETING_BYTES = 1 << 16
+"""Of frames that somebody sends who has proved nothing yet."""
 MAX_WORLDS = 65_536
 
 
@@ -44,10 +46,15 @@ class FrameType(IntEnum):
     PONG = 10
     ERROR = 11
     CLOSE = 12
+    CHALLENGE = 13
+    PROOF = 14
 
 
 _TYPES = {int(frame_type): frame_type for frame_type in FrameType}
 _LIMITS = {
+    FrameType.HELLO: MAX_GREETING_BYTES,
+    FrameType.CHALLENGE: MAX_GREETING_BYTES,
+    FrameType.PROOF: MAX_GREETING_BYTES,
     FrameType.RESET: MAX_BINARY_BYTES,
     FrameType.STEP: MAX_BINARY_BYTES,
     FrameType.BATCH: MAX_BINARY_BYTES,

@@ -2,20 +2,41 @@
 
 from __future__ import annotations
 
-import hmac
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from ludus.errors import EngineStartError
 from ludus.wire.json_object import JsonObject
 
-__all__ = ["CAPABILITIES", "PROTOCOL_MAX", "PROTOCOL_MIN", "EngineConfig", "Hello", "welcome"]
+__all__ = [
+    "CAPABILITIES",
+    "PROTOCOL_MAX",
+    "PROTOCOL_MIN",
+    "EngineConfig",
+    "GreetingRefused",
+    "Hello",
+    "welcome",
+]
 
 PROTOCOL_MIN = 1
-PROTOCOL_MAX = 1
+PROTOCOL_MAX = 2
 _MAX_INT32 = 2**31 - 1
 CAPABILITIES = frozenset({"call", "ceiling", "metrics", "rebuild", "requests", "reset_worlds"})
+
+
+class GreetingRefused(EngineStartError):  # noqa: N818 - reads as what happened
+    """A greeting that cannot be answered.
+
+    Args:
+        code: Its code in an ``ERROR`` (PROTOCOL.md §9).
+        message: What is wrong.
+        hint: What to do.
+    """
+
+    def __init__(self, code: str, message: str, hint: str = "") -> None:
+        super().__init__(message, hint)
+        self.code = code
 
 
 @dataclass(frozen=True)
@@ -56,7 +77,7 @@ class Hello:
         engine: Name and version, for example ``"godot 4.6.3"``.
         addon: Version of the add-on.
         capabilities: Features it has.
-        token: Secret shared with the trainer, empty on loopback.
+        nonce: What the trainer's proof is about (:mod:`ludus.wire.proof`); empty in protocol 1.
         training: Training settings of a game that guides its training, as unchecked JSON for
             :func:`ludus.wire.training.read_training`; None for other games.
     """
@@ -65,7 +86,7 @@ class Hello:
     engine: str
     addon: str
     capabilities: frozenset[str]
-    token: str = field(repr=False, default="")
+    nonce: str = ""
     training: Any = None
 
     @classmethod
@@ -85,34 +106,36 @@ class Hello:
             engine=f"{engine.text('name')} {engine.text('version')}",
             addon=reader.text("addon"),
             capabilities=frozenset(str(item) for item in reader.items("capabilities")),
-            token=reader.text("token", default=""),
+            nonce=reader.text("nonce", default=""),
             training=reader.optional("training"),
         )
 
-    def has_token(self, token: str) -> bool:
-        """Return whether the engine sent ``token``; the time taken reveals nothing about it."""
-        # JSON can carry half of a surrogate pair, which strict UTF-8 cannot.
-        ours, theirs = (text.encode(errors="surrogatepass") for text in (token, self.token))
-        return hmac.compare_digest(ours, theirs)
+    @property
+    def upgrade(self) -> str:
+        """How the game gets the newest add-on, as a hint."""
+        if self.engine.startswith("bevy "):
+            return "build the game with the newest bevy_ludus"
+        return "run `ludus addon install PROJECT`"
 
     def agree(self) -> int:
         """Return the highest protocol version that both sides speak.
 
         Raises:
-            EngineStartError: There is none; the text says which side to upgrade.
+            GreetingRefused: There is none; the text says which side to upgrade.
         """
         low, high = self.protocol
         version = min(high, PROTOCOL_MAX)
         if version >= max(low, PROTOCOL_MIN):
             return version
         if high < PROTOCOL_MIN:
-            side, hint = "the game's add-on is too old", "run `ludus addon install PROJECT`"
+            side, hint = "the game's add-on is too old", self.upgrade
         else:
             side, hint = "the Python package is too old", "run `pip install --upgrade ludus-rl`"
-        raise EngineStartError(
+        raise GreetingRefused(
+            "version",
             f"{side}: the game speaks protocol {low} to {high}, ludus {PROTOCOL_MIN} to "
             f"{PROTOCOL_MAX}",
-            hint=hint,
+            hint,
         )
 
 
@@ -120,7 +143,6 @@ def welcome(
     version: int,
     hello: Hello,
     config: EngineConfig,
-    token: str = "",
     more: frozenset[str] = frozenset(),
 ) -> dict[str, Any]:
     """Return the answer to a ``HELLO``.
@@ -129,7 +151,6 @@ def welcome(
         version: Protocol version that :meth:`Hello.agree` returned.
         hello: The greeting.
         config: What to ask of the engine.
-        token: Secret shared with the engine.
         more: Capabilities of this conversation in addition to :data:`CAPABILITIES`.
     """
     from ludus.version import __version__
@@ -138,6 +159,5 @@ def welcome(
         "protocol": version,
         "client": f"ludus {__version__}",
         "capabilities": sorted(hello.capabilities & (CAPABILITIES | more)),
-        "token": token,
         "config": config.to_json(),
     }

@@ -15,6 +15,8 @@ class State(IntEnum):
 
     CONNECTED = auto()
     GREETED = auto()
+    CHALLENGED = auto()
+    PROVEN = auto()
     CONFIGURED = auto()
     READY = auto()
     STEPPING = auto()
@@ -27,7 +29,9 @@ _OPEN_STATES = [state for state in State if state is not State.CLOSED]
 _ENDINGS = {(state, kind): State.CLOSED for state in _OPEN_STATES for kind in (11, 12)}
 
 SENT: dict[tuple[State, int], State] = {
-    (State.GREETED, FrameType.WELCOME): State.CONFIGURED,
+    (State.GREETED, FrameType.CHALLENGE): State.CHALLENGED,
+    (State.GREETED, FrameType.WELCOME): State.CONFIGURED,  # protocol 1
+    (State.PROVEN, FrameType.WELCOME): State.CONFIGURED,
     (State.READY, FrameType.RESET): State.STEPPING,
     (State.READY, FrameType.STEP): State.STEPPING,
     (State.READY, FrameType.CALL): State.CALLING,
@@ -38,6 +42,7 @@ SENT: dict[tuple[State, int], State] = {
 
 RECEIVED: dict[tuple[State, int], State] = {
     (State.CONNECTED, FrameType.HELLO): State.GREETED,
+    (State.CHALLENGED, FrameType.PROOF): State.PROVEN,
     (State.CONFIGURED, FrameType.SPEC): State.READY,
     (State.STEPPING, FrameType.BATCH): State.READY,
     (State.CALLING, FrameType.RESULT): State.READY,
@@ -74,8 +79,8 @@ class ConnectionState:
         self.has_reset = self.has_reset or frame_type is FrameType.RESET
         self.state = following
 
-    def receive(self, frame_type: FrameType) -> None:
-        """Record that the engine sent a frame.
+    def allow(self, frame_type: FrameType) -> State:
+        """Return the state after a frame whose header the engine has sent.
 
         Raises:
             ProtocolError: The frame is not allowed now.
@@ -83,4 +88,8 @@ class ConnectionState:
         following = RECEIVED.get((self.state, frame_type))
         if following is None:
             raise ProtocolError(f"the engine sent {frame_type.name} in {self.state.name}")
-        self.state = following
+        return following
+
+    def receive(self, frame_type: FrameType) -> None:
+        """Record that the engine sent a frame; raises as :meth:`allow`."""
+        self.state = self.allow(frame_type)

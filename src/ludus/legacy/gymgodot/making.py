@@ -13,6 +13,7 @@ from ludus.legacy.addresses import GameAddress, check_one_game, read_address
 from ludus.legacy.game import Declaration
 from ludus.legacy.launching import GameLaunch
 from ludus.legacy.spaces import check_space, max_message_bytes
+from ludus.link import is_loopback
 
 if TYPE_CHECKING:
     from ludus.legacy.gymgodot.env import GymGodotEnv
@@ -189,7 +190,7 @@ def _open(
     render_path: str | None = None,
 ) -> GymGodotGame:
     host, port = address
-    if not settings.allow_remote and host != "localhost" and not host.startswith("127."):
+    if not settings.allow_remote and not is_loopback(host):
         raise ConfigError(
             f"serverIP {host!r} lets other machines connect",
             hint="GymGodot has no password; allow_remote=True if you trust the network",

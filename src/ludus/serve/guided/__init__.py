@@ -6,8 +6,7 @@
     guidance    what is done for a game: stand by, train, play a round
     rounds      one episode in every world, for people to watch
     game_run    the run of a game: resumed, new, or new beside an old one
-    door        who may come in; beside training, in a thread of its own
-    guest       one connection that has not greeted yet
+    game_server who may come in, one at a time; beside training, in a thread of its own
 
 Each imports only those below it.
 """

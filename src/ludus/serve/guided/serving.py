@@ -21,6 +21,7 @@ from ludus.serve.guided.game_server import ConnectedGame, GameServer
 from ludus.serve.guided.guidance import Game, Guidance
 from ludus.session import GuidedSession
 from ludus.session.supervision import Supervision
+from ludus.session.user_token import user_token
 from ludus.settings.train_config import TrainConfig
 from ludus.wire.handshake import EngineConfig
 
@@ -43,7 +44,7 @@ class GuidedConfig:
         seed: Seed of new runs whose game names none; None: random.
         device: PyTorch device, or ``auto``.
         torch_threads: Threads that PyTorch may use.
-        hello_timeout_s: How long a HELLO may take, seconds.
+        hello_timeout_s: How long a greeting may take, seconds.
         first_game_timeout_s: With ``is_once``, how long to wait for a game, seconds.
         start_timeout_s: How long a game may take to create its worlds, seconds.
         step_timeout_s: How long an answer may take, seconds.
@@ -73,7 +74,7 @@ def serve_guided(
         on_ready: Called with the port once games can connect.
 
     Raises:
-        SetupError: The port is taken.
+        SetupError: The port is taken, or this user's token cannot be kept.
         ConfigError: A setting is not valid.
         RunError: The folder of the runs cannot be created.
         EngineStartError: With ``is_once``, no game connected.
@@ -83,7 +84,8 @@ def serve_guided(
     torch.set_num_threads(config.torch_threads)
     with disk_errors(f"the folder of the runs, {config.runs}"):
         config.runs.mkdir(parents=True, exist_ok=True)
-    with GameServer(config.port, config.hello_timeout_s, config.start_timeout_s) as server:
+    token, timeout_s = user_token(), config.hello_timeout_s
+    with GameServer(config.port, token, timeout_s, config.start_timeout_s) as server:
         on_ready(server.port)
         _serve_all(server, config, is_stopping)
 
@@ -115,7 +117,9 @@ def _serve_one(game: ConnectedGame, config: GuidedConfig, is_stopping: Callable[
     Raises:
         Exception: With ``is_once``, what went wrong, unless the game simply disconnected.
     """
-    log.info("%s connected: %s, add-on %s", game.name, game.hello.engine, game.hello.addon)
+    hello = game.greeting.hello
+    assert hello is not None, "it has proved itself"
+    log.info("%s connected: %s, add-on %s", game.name, hello.engine, hello.addon)
     was_served = False
     try:
         with closing(_open_session(game, config)) as session:
@@ -136,7 +140,7 @@ def _serve_one(game: ConnectedGame, config: GuidedConfig, is_stopping: Callable[
 def _open_session(game: ConnectedGame, config: GuidedConfig) -> GuidedSession:
     engine = EngineConfig(num_worlds=game.training.num_worlds, spin_us=spin_us_beside(1))
     timeout_s = config.step_timeout_s
-    return GuidedSession(game.link, engine, Supervision(None), step_timeout_s=timeout_s)
+    return GuidedSession(game.link, engine, Supervision(None), game.greeting, timeout_s)
 
 
 def _train(

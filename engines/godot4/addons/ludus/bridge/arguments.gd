@@ -3,11 +3,16 @@ extends RefCounted
 
 const LudusArguments := preload("res://addons/ludus/bridge/arguments.gd")
 
+## Environment variable with the token of a game that a trainer has started.
+const TOKEN_VARIABLE := "LUDUS_TOKEN"
+## Rights of a file that others than its owner have.
+const OTHERS := 63
+
 ## Addresses to connect to, in order.
 var connect_to: PackedStringArray = []
 ## Address to listen at; empty: do not listen.
 var listen_at: String = ""
-## The secret shared with a trainer on another machine.
+## The secret shared with the trainer; empty: the one of this user, on this machine.
 var token: String = ""
 ## Scene to play by hand, without a trainer; empty: the game's own.
 var play_scene: String = ""
@@ -47,9 +52,33 @@ static func read() -> LudusArguments:
 				arguments.has_pictures = true
 			"--ludus-report":
 				arguments.has_report = true
+	if arguments.token.is_empty():
+		arguments.token = OS.get_environment(TOKEN_VARIABLE)
 	return arguments
+
+
+## The token that a trainer at the other end has to know; empty if there is none.
+func token_for(is_local: bool) -> String:
+	return _read_user_token() if token.is_empty() and is_local else token
 
 
 ## Whether the game was started by or for a trainer.
 func has_trainer() -> bool:
 	return not connect_to.is_empty() or not listen_at.is_empty()
+
+
+## Where trainers of this user, on this machine, keep their token (PROTOCOL.md §3).
+static func user_token_path() -> String:
+	var cache := OS.get_cache_dir()
+	if OS.get_name() == "Windows":
+		cache = OS.get_environment("LOCALAPPDATA").replace("\\", "/")
+	return cache.path_join("ludus/token")
+
+
+static func _read_user_token() -> String:
+	var path := user_token_path()
+	# Windows has no such rights; a home folder is its user's own there.
+	if OS.get_name() != "Windows" and FileAccess.get_unix_permissions(path) & OTHERS != 0:
+		printerr("ludus: others may read %s, so the token in it is no secret; delete it" % path)
+		return ""
+	return FileAccess.get_file_as_string(path).strip_edges()

@@ -1,11 +1,11 @@
 extends RefCounted
 ## The JSON part of a conversation: greeting, settings, spec (PROTOCOL.md §3 and §4).
 
+const LudusArguments := preload("res://addons/ludus/bridge/arguments.gd")
 const LudusLink := preload("res://addons/ludus/bridge/link.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
 const START_TIMEOUT_MS := 60000
-const MIN_TOKEN_LENGTH := 16
 const MAX_WORLDS := 65536
 const MAX_SPIN_US := 100000
 const LAYOUTS: PackedStringArray = ["scene", "isolated", "grid"]
@@ -21,24 +21,40 @@ var error: String = ""
 var hint: String = ""
 
 var _link: LudusLink
-var _token: String
+var _arguments: LudusArguments
 var _training: Dictionary
 
 
 ## [param training] is what a game that guides its training tells; empty where it does not.
-func _init(link: LudusLink, token: String, training: Dictionary) -> void:
+func _init(link: LudusLink, arguments: LudusArguments, training: Dictionary) -> void:
 	_link = link
-	_token = token
+	_arguments = arguments
 	_training = training
+
+
+## What the trainer is told first; [param training] as in [method _init].
+static func hello(training: Dictionary) -> Dictionary:
+	var version := Engine.get_version_info()
+	var greeting := {
+		"protocol": {"min": LudusWire.PROTOCOL_MIN, "max": LudusWire.PROTOCOL_MAX},
+		"addon": LudusWire.ADDON_VERSION,
+		"engine":
+		{
+			"name": "godot",
+			"version": "%d.%d.%d" % [version["major"], version["minor"], version["patch"]],
+		},
+		"capabilities": Array(LudusWire.CAPABILITIES),
+	}
+	if not training.is_empty():
+		greeting["training"] = training
+	return greeting
 
 
 ## Greets the trainer and takes its settings. Returns false if they cannot work together.
 func greet() -> bool:
-	if not _link.is_local and _token.length() < MIN_TOKEN_LENGTH:
-		return _refuse("token", "a connection to another machine needs a token of 16 characters")
+	if not _link.is_proven and not _prove():
+		return false
 	_link.idle_timeout_ms = START_TIMEOUT_MS
-	if not _link.send(LudusWire.json_frame(LudusWire.Type.HELLO, _hello())):
-		return _refuse("internal", "the trainer closed the connection")
 	if not _link.receive():
 		return _refuse("frame", "the trainer closed the connection during the greeting")
 	var message: Variant = LudusWire.read_json(_link.payload)
@@ -72,22 +88,21 @@ func integer(key: String, default: int) -> int:
 	return int(value) if value is float or value is int else default
 
 
-func _hello() -> Dictionary:
-	var version := Engine.get_version_info()
-	var hello := {
-		"protocol": {"min": LudusWire.PROTOCOL_MIN, "max": LudusWire.PROTOCOL_MAX},
-		"addon": LudusWire.ADDON_VERSION,
-		"engine":
-		{
-			"name": "godot",
-			"version": "%d.%d.%d" % [version["major"], version["minor"], version["patch"]],
-		},
-		"capabilities": Array(LudusWire.CAPABILITIES),
-		"token": _token,
-	}
-	if not _training.is_empty():
-		hello["training"] = _training
-	return hello
+func _prove() -> bool:
+	var token := _arguments.token_for(_link.is_local)
+	if not _link.is_local and token.length() < LudusLink.MIN_TOKEN_LENGTH:
+		return _refuse("token", "a connection to another machine needs a token of 16 characters")
+	if token.is_empty():
+		hint = "is the trainer this user's?"
+		return _refuse("token", "there is no token in %s" % LudusArguments.user_token_path())
+	var greeting := _link.greet(hello(_training), token, START_TIMEOUT_MS)
+	if not _link.is_proven:
+		code = greeting.code
+		hint = greeting.hint
+		error = greeting.error
+		if error.is_empty():
+			error = "the trainer closed the connection during the greeting"
+	return _link.is_proven
 
 
 func _accept(welcome: Dictionary) -> bool:
@@ -97,8 +112,6 @@ func _accept(welcome: Dictionary) -> bool:
 		return _refuse(
 			"version", "the trainer chose protocol %d, which this add-on lacks" % protocol
 		)
-	if not _link.is_local and str(welcome.get("token", "")) != _token:
-		return _refuse("token", "the trainer sent another token")
 	var settings: Variant = welcome.get("config", {})
 	if settings is not Dictionary:
 		return _refuse("config", "config is no object")

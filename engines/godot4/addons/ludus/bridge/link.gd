@@ -4,8 +4,15 @@ extends RefCounted
 ## A read has no time limit of its own in Godot; a thread beside it tells the trainer and ends the
 ## process when the deadline has passed, or ends it when the process that started the game is gone.
 
+const LudusArguments := preload("res://addons/ludus/bridge/arguments.gd")
+const LudusGreeting := preload("res://addons/ludus/bridge/greeting.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
+const MIN_TOKEN_LENGTH := 16
+## How long who connects to a listening game may take to prove itself.
+const GREETING_TIMEOUT_MS := 10000
+## Where more do so at once, who has been there longest has to go: a trainer takes no time.
+const MAX_GUESTS := 64
 const CONNECT_POLL_MS := 5
 const WAIT_POLL_US := 300
 const WATCH_INTERVAL_MS := 100
@@ -33,6 +40,8 @@ var idle_timeout_ms: int = 0
 var spin_us: int = 0
 ## Whether the other side is on this machine.
 var is_local: bool = true
+## Whether the other side has proved that it knows the token.
+var is_proven: bool = false
 
 var _stream: StreamPeer
 var _watch: Thread
@@ -51,32 +60,54 @@ func connect_to(addresses: PackedStringArray, timeout_ms: int) -> bool:
 	for address: String in addresses:
 		_stream = _open(address)
 		if _stream != null and _await_connection(timeout_ms):
-			is_local = address.begins_with("unix:") or _is_loopback(address)
+			is_local = address.begins_with("unix:") or is_loopback(address)
 			return true
 	error = "no trainer answers at %s" % ", ".join(addresses)
 	_stream = null
 	return false
 
 
-## Listens at a TCP address until a trainer connects.
-func listen_at(address: String, timeout_ms: int) -> bool:
+## Listens at the TCP address of [param arguments] until a trainer has proved itself; others are
+## dropped. Whoever comes is greeted with [param hello].
+func listen_at(arguments: LudusArguments, timeout_ms: int, hello: Dictionary) -> bool:
+	var address := arguments.listen_at
+	is_local = is_loopback(address)
+	if not is_local and arguments.token.length() < MIN_TOKEN_LENGTH:
+		error = "a game that other machines can reach needs a token of 16 characters"
+		return false
 	var server := TCPServer.new()
-	var host := _host(address)
-	if server.listen(_port(address), host) != OK:
+	if server.listen(_port(address), _host(address)) != OK:
 		error = "cannot listen at %s" % address
 		return false
-	is_local = _is_loopback(address)
 	var deadline := Time.get_ticks_msec() + timeout_ms
-	while not server.is_connection_available():
-		if Time.get_ticks_msec() > deadline:
+	var guests: Array[LudusGreeting] = []
+	while _stream == null and error.is_empty():
+		if server.is_connection_available():
+			var token := arguments.token_for(is_local)
+			var peer := server.take_connection()
+			guests.append(LudusGreeting.new(peer, hello.duplicate(), token, GREETING_TIMEOUT_MS))
+			if guests.size() > MAX_GUESTS:
+				guests.pop_front().dismiss()
+		elif Time.get_ticks_msec() > deadline:
 			error = "no trainer connected to %s within %d s" % [address, timeout_ms / 1000]
-			return false
-		OS.delay_msec(CONNECT_POLL_MS)
-	var stream := server.take_connection()
-	stream.set_no_delay(true)
-	_stream = stream
+		else:
+			OS.delay_msec(CONNECT_POLL_MS)
+		guests = guests.filter(_is_still_guest)
+	for guest: LudusGreeting in guests:
+		guest.dismiss()
 	server.stop()
-	return true
+	return error.is_empty()
+
+
+## Greets a trainer with [param hello], and waits until it has proved that it knows
+## [param token]. Returns how that went.
+func greet(hello: Dictionary, token: String, timeout_ms: int) -> LudusGreeting:
+	var greeting := LudusGreeting.new(_stream, hello, token, timeout_ms)
+	while greeting.state == LudusGreeting.State.WAITING:
+		OS.delay_usec(WAIT_POLL_US)
+		greeting.advance()
+	is_proven = greeting.state == LudusGreeting.State.PROVEN
+	return greeting
 
 
 ## Starts the thread that enforces deadlines and, where the system shows processes as files, ends
@@ -84,8 +115,9 @@ func listen_at(address: String, timeout_ms: int) -> bool:
 func watch(parent_pid: int) -> void:
 	if parent_pid > 0 and DirAccess.dir_exists_absolute("/proc/%d" % parent_pid):
 		_parent_path = "/proc/%d" % parent_pid
-	_watch = Thread.new()
-	_watch.start(_enforce_deadlines)
+	if _watch == null:
+		_watch = Thread.new()
+		_watch.start(_enforce_deadlines)
 
 
 ## Sends a whole frame. Returns false if the connection has ended.
@@ -112,10 +144,9 @@ func wait_for_data(timeout_ms: int) -> bool:
 ## ended or the frame is not allowed.
 func receive() -> bool:
 	error = ""
-	_set_deadline(idle_timeout_ms)
 	_spin()
-	var header := _read(LudusWire.HEADER_BYTES)
-	if header.is_empty():
+	var header := _read_header()
+	if header.size() < LudusWire.HEADER_BYTES:
 		return false
 	type = header[4]
 	var num_bytes := header.decode_u32(0)
@@ -209,10 +240,68 @@ func _note_lost(now: int) -> void:
 
 
 func _read(num_bytes: int) -> PackedByteArray:
+	if _watch == null:
+		return _read_in_time(num_bytes)
 	var result: Array = _stream.get_data(num_bytes)
 	if result[0] != OK:
 		return PackedByteArray()
 	return result[1]
+
+
+## Reads a header, for which the trainer has all its time until it begins.
+func _read_header() -> PackedByteArray:
+	if _stream.get_available_bytes() >= LudusWire.HEADER_BYTES:
+		return _read(LudusWire.HEADER_BYTES)
+	_set_deadline(idle_timeout_ms)
+	var header := _read(1)
+	if not header.is_empty():
+		_set_deadline(FRAME_TIMEOUT_MS)
+		header += _read(LudusWire.HEADER_BYTES - 1)
+	_set_deadline(0)
+	return header
+
+
+## Moves on one who has connected to a listening game. Returns whether that one stays.
+func _is_still_guest(guest: LudusGreeting) -> bool:
+	guest.advance()
+	match guest.state:
+		LudusGreeting.State.WAITING:
+			return true
+		LudusGreeting.State.PROVEN:
+			_take(guest.stream)
+		LudusGreeting.State.REFUSED:
+			printerr("ludus: dropped who connected: ", guest.error)
+			guest.dismiss()
+		LudusGreeting.State.ENDED:
+			if _stream == null and not guest.error.is_empty():  # it speaks the protocol: no accident
+				error = "%s; %s" % [guest.error, guest.hint]
+	return false
+
+
+func _take(stream: StreamPeer) -> void:
+	if _stream == null:
+		_stream = stream
+		(stream as StreamPeerTCP).set_no_delay(true)
+		is_proven = true
+
+
+## Reads where no thread enforces deadlines: in a game that guides its training, which goes on
+## without its trainer.
+func _read_in_time(num_bytes: int) -> PackedByteArray:
+	var bytes := PackedByteArray()
+	while bytes.size() < num_bytes:
+		var result: Array = _stream.get_partial_data(num_bytes - bytes.size())
+		if result[0] != OK:
+			return PackedByteArray()
+		var piece: PackedByteArray = result[1]
+		if not piece.is_empty():
+			bytes += piece
+		elif _deadline_ms > 0 and Time.get_ticks_msec() > _deadline_ms:
+			error = "the rest of a frame did not come in time"
+			return PackedByteArray()
+		else:
+			OS.delay_usec(WAIT_POLL_US)
+	return bytes
 
 
 func _set_deadline(timeout_ms: int) -> void:
@@ -249,6 +338,8 @@ static func _port(address: String) -> int:
 	return address.substr(address.rfind(":") + 1).to_int()
 
 
-static func _is_loopback(address: String) -> bool:
+## Whether an address is this machine's own, and no other can reach it.
+static func is_loopback(address: String) -> bool:
 	var host := _host(address)
-	return host == "localhost" or host == "::1" or host.begins_with("127.")
+	var is_number := host.is_valid_ip_address() and not ":" in host
+	return host == "localhost" or host == "::1" or (is_number and host.begins_with("127."))

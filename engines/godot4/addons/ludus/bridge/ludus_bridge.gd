@@ -139,6 +139,10 @@ func _enter_tree() -> void:
 		queue_free()
 		return
 	_instance = self
+	_arguments = LudusArguments.read()
+	if _arguments.parent_pid > 0:  # before scenes are loaded, which may take for ever
+		_link = LudusLink.new()
+		_link.watch(_arguments.parent_pid)
 	process_mode = Node.PROCESS_MODE_ALWAYS
 	process_physics_priority = -1073741824
 
@@ -376,22 +380,22 @@ func _handle_call() -> bool:
 func _start() -> void:
 	_phase = Phase.MANUAL
 	_manual = LudusManualPlay.new()
-	_arguments = LudusArguments.read()
 	if not is_trainable() and _arguments.play_scene.is_empty():
 		if _arguments.has_trainer():
 			_end(NOT_TRAINABLE)
 		return
 	if not has_trainer_arguments() and _guidance.is_in_scene():
 		return
-	_link = LudusLink.new()
+	if _link == null:
+		_link = LudusLink.new()
 	if not _arguments.play_scene.is_empty():
-		_link.watch(_arguments.parent_pid)
 		if not LudusOpening.show_scene(_arguments.play_scene, self):
 			get_tree().quit(1)
 		return
 	if not LudusOpening.find_trainer(_link, _arguments):
 		if _arguments.has_trainer():
 			_end(_link.error)
+		_link.close()
 		_link = null
 		return
 	_link.watch(_arguments.parent_pid)
@@ -415,7 +419,7 @@ func _show_status(status: Dictionary) -> void:
 
 func _greet() -> void:
 	var opening := LudusOpening.new()
-	if not opening.greet(_link, _arguments.token, _guidance):
+	if not opening.greet(_link, _arguments, _guidance):
 		_fail(opening.code, opening.error, opening.hint)
 		return
 	_requests.open(opening.capabilities)

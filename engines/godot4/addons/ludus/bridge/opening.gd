@@ -33,7 +33,7 @@ var _scene: PackedScene
 ## trainer even if that says nothing. Returns whether there is one.
 static func find_trainer(link: LudusLink, arguments: LudusArguments) -> bool:
 	if not arguments.listen_at.is_empty():
-		return link.listen_at(arguments.listen_at, LISTEN_TIMEOUT_MS)
+		return link.listen_at(arguments, LISTEN_TIMEOUT_MS, LudusHandshake.hello({}))
 	if arguments.has_trainer():
 		return link.connect_to(arguments.connect_to, CONNECT_TIMEOUT_MS)
 	if not OS.has_feature("editor"):
@@ -60,8 +60,8 @@ static func show_scene(path: String, bridge: Node) -> bool:
 
 
 ## Greets the trainer, and loads the scene it asks for. Returns false if that cannot be.
-func greet(link: LudusLink, token: String, guidance: LudusGuidance) -> bool:
-	_handshake = LudusHandshake.new(link, token, guidance.to_json())
+func greet(link: LudusLink, arguments: LudusArguments, guidance: LudusGuidance) -> bool:
+	_handshake = LudusHandshake.new(link, arguments, guidance.to_json())
 	if _handshake.greet():
 		_scene = _handshake.load_scene(guidance.scene_path())
 	if _scene == null:

@@ -1,7 +1,11 @@
 //! What the command line tells the plugin (PROTOCOL.md §10).
 
+use super::user_token::user_token;
 use super::{Address, LinkError};
 use std::path::{Path, PathBuf};
+
+/// Environment variable with the token of a game that a trainer has started.
+pub(super) const TOKEN_VARIABLE: &str = "LUDUS_TOKEN";
 
 /// Where the trainer is, and how it is known.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -10,7 +14,7 @@ pub struct CommandLine {
     pub connect_to: Vec<Address>,
     /// Address to listen at.
     pub listen_at: Option<Address>,
-    /// Secret shared with a trainer on another machine.
+    /// Secret shared with the trainer; empty: the one of this user, on this machine.
     pub token: String,
     /// Process that must stay alive.
     pub parent_pid: Option<u32>,
@@ -55,6 +59,14 @@ impl CommandLine {
             }
         }
         Ok(read)
+    }
+
+    /// Returns the token that a trainer at the other end has to know; empty if there is none.
+    pub(super) fn token_for(&self, is_local: bool) -> Result<String, LinkError> {
+        if self.token.is_empty() && is_local {
+            return user_token();
+        }
+        Ok(self.token.clone())
     }
 
     /// Returns whether the game was started by or for a trainer.

@@ -1,75 +1,141 @@
-//! Greeting the trainer and taking its settings (PROTOCOL.md §3).
+//! Greeting the trainer, and taking its settings once it has proved itself (PROTOCOL.md §3).
 
-use super::{CommandLine, Link};
+use super::{CommandLine, Link, LinkError};
 use crate::training::Failure;
 use crate::wire::{
-    CAPABILITIES, ConnectionState, EngineConfig, EngineName, ErrorCode, ErrorReport, FrameType,
-    Hello, MAX_WORLDS, PROTOCOL_MAX, PROTOCOL_MIN, Versions, Welcome, encode_json, is_same_token,
-    read_object,
+    CAPABILITIES, Challenge, ConnectionState, EngineConfig, EngineName, ErrorCode, ErrorReport,
+    FrameType, Hello, MAX_WORLDS, Nonce, PROTOCOL_MAX, PROTOCOL_MIN, Proof, Role, Versions,
+    Welcome, encode_json, from_hex, is_proof, make_proof, read_object, to_hex,
 };
 
-const MIN_TOKEN_LENGTH: usize = 16;
+pub(super) const MIN_TOKEN_LENGTH: usize = 16;
 /// The version of Bevy that this crate is made for.
 const BEVY_VERSION: &str = "0.19.1";
+
+/// The first frames of a conversation: both sides prove that they know the token, and neither tells
+/// it.
+#[derive(Debug)]
+pub(super) struct Greeting {
+    token: String,
+    nonce: Nonce,
+    pub state: ConnectionState,
+}
+
+impl Greeting {
+    pub fn new(token: String) -> Result<Self, Failure> {
+        let mut nonce = Nonce::default();
+        getrandom::fill(&mut nonce)
+            .map_err(|error| Failure::new(ErrorCode::Internal, error.to_string(), ""))?;
+        Ok(Self {
+            token,
+            nonce,
+            state: ConnectionState::default(),
+        })
+    }
+
+    /// Returns the first frame.
+    pub fn hello(&mut self) -> Result<Vec<u8>, Failure> {
+        self.state.send(FrameType::Hello)?;
+        let hello = Hello {
+            protocol: Versions {
+                min: PROTOCOL_MIN,
+                max: PROTOCOL_MAX,
+            },
+            addon: env!("CARGO_PKG_VERSION").to_owned(),
+            engine: EngineName {
+                name: "bevy".to_owned(),
+                version: BEVY_VERSION.to_owned(),
+            },
+            capabilities: CAPABILITIES.map(str::to_owned).to_vec(),
+            nonce: to_hex(&self.nonce),
+            training: None,
+        };
+        Ok(encode_json(FrameType::Hello, &hello)?)
+    }
+
+    /// Takes in the answer to it. Returns the last frame of the greeting, once the trainer has proved
+    /// itself.
+    pub fn prove(&mut self, kind: FrameType, payload: &[u8]) -> Result<Vec<u8>, Failure> {
+        self.state.receive(kind)?;
+        match kind {
+            FrameType::Error => return Err(refused(payload)?),
+            FrameType::Close => return Err(LinkError::Closed.into()),
+            _ => {}
+        }
+        let challenge: Challenge = read_object(payload, "CHALLENGE")?;
+        let read = |text: &str| {
+            from_hex(text).ok_or_else(|| {
+                let text = "a CHALLENGE has a nonce and a proof of 64 hexadecimal digits each";
+                Failure::new(ErrorCode::Frame, text, "")
+            })
+        };
+        let (theirs, proof) = (read(&challenge.nonce)?, read(&challenge.proof)?);
+        if !is_proof(&proof, &self.token, Role::Trainer, &self.nonce, &theirs) {
+            let hint = "give both sides the same token file (--ludus-token-file, --token-file)";
+            let text = "the trainer's token is not ours";
+            return Err(Failure::new(ErrorCode::Token, text, hint));
+        }
+        self.state.send(FrameType::Proof)?;
+        let ours = make_proof(&self.token, Role::Engine, &self.nonce, &theirs);
+        let proof = Proof {
+            proof: to_hex(&ours),
+        };
+        Ok(encode_json(FrameType::Proof, &proof)?)
+    }
+}
 
 /// Greets the trainer. Returns the state of the conversation and what the trainer asks for.
 pub(crate) fn greet(
     link: &mut Link,
     command_line: &CommandLine,
 ) -> Result<(ConnectionState, Welcome), Failure> {
-    let token = &command_line.token;
+    let mut state = match link.proven.take() {
+        Some(state) => state,
+        None => prove_ourselves(link, command_line)?,
+    };
+    let kind = link.receive()?;
+    state.receive(kind)?;
+    match kind {
+        FrameType::Error => return Err(refused(link.payload())?),
+        FrameType::Close => return Err(LinkError::Closed.into()),
+        _ => {}
+    }
+    let welcome: Welcome = read_object(link.payload(), "WELCOME")
+        .map_err(|error| Failure::new(ErrorCode::Config, error.to_string(), ""))?;
+    check(&welcome)?;
+    Ok((state, welcome))
+}
+
+/// Lets both sides prove themselves to each other.
+fn prove_ourselves(
+    link: &mut Link,
+    command_line: &CommandLine,
+) -> Result<ConnectionState, Failure> {
+    let token = command_line.token_for(link.is_local)?;
     if !link.is_local && token.chars().count() < MIN_TOKEN_LENGTH {
         let text = "a connection to another machine needs a token of 16 characters";
         let hint = "write it into a file and name it on both sides (--ludus-token-file)";
         return Err(Failure::new(ErrorCode::Token, text, hint));
     }
-    let mut state = ConnectionState::default();
-    link.send(&encode_json(FrameType::Hello, &hello(token))?)?;
-    state.send(FrameType::Hello)?;
+    let mut greeting = Greeting::new(token)?;
+    link.send(&greeting.hello()?)?;
     let kind = link.receive()?;
-    state.receive(kind)?;
-    if kind == FrameType::Error {
-        let report: ErrorReport = read_object(link.payload(), "ERROR")?;
-        return Err(Failure::Trainer(report.message));
-    }
-    if kind == FrameType::Close {
-        return Err(super::LinkError::Closed.into());
-    }
-    let welcome: Welcome = read_object(link.payload(), "WELCOME")
-        .map_err(|error| Failure::new(ErrorCode::Config, error.to_string(), ""))?;
-    check(&welcome, link.is_local, token)?;
-    Ok((state, welcome))
+    let proof = greeting.prove(kind, link.payload())?;
+    link.send(&proof)?;
+    Ok(greeting.state)
 }
 
-fn hello(token: &str) -> Hello {
-    Hello {
-        protocol: Versions {
-            min: PROTOCOL_MIN,
-            max: PROTOCOL_MAX,
-        },
-        addon: env!("CARGO_PKG_VERSION").to_owned(),
-        engine: EngineName {
-            name: "bevy".to_owned(),
-            version: BEVY_VERSION.to_owned(),
-        },
-        capabilities: CAPABILITIES.map(str::to_owned).to_vec(),
-        token: token.to_owned(),
-        training: None,
-    }
+/// Returns the failure that the trainer's own report is.
+fn refused(payload: &[u8]) -> Result<Failure, Failure> {
+    let report: ErrorReport = read_object(payload, "ERROR")?;
+    Ok(Failure::Trainer(report.message))
 }
 
-fn check(welcome: &Welcome, is_local: bool, token: &str) -> Result<(), Failure> {
+fn check(welcome: &Welcome) -> Result<(), Failure> {
     let version = welcome.protocol;
     if !(PROTOCOL_MIN..=PROTOCOL_MAX).contains(&version) {
         let text = format!("the trainer chose protocol {version}, which this crate lacks");
         return Err(Failure::new(ErrorCode::Version, text, "upgrade bevy_ludus"));
-    }
-    if !is_local && !is_same_token(token, &welcome.token) {
-        return Err(Failure::new(
-            ErrorCode::Token,
-            "the trainer sent another token",
-            "",
-        ));
     }
     check_config(&welcome.config)
 }

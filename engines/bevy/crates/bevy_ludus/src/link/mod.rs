@@ -3,9 +3,11 @@
 mod address;
 mod busy_poller;
 mod command_line;
+mod door;
 mod greeting;
 mod stream;
 mod tcp_plugin;
+mod user_token;
 
 pub use address::{Address, AddressError};
 pub use command_line::CommandLine;
@@ -14,7 +16,10 @@ pub use tcp_plugin::{LudusTcpPlugin, is_headless, is_trained};
 pub(crate) use greeting::greet;
 pub(crate) use tcp_plugin::PendingLink;
 
-use crate::wire::{EngineConfig, FrameType, HEADER_BYTES, MAX_SPIN_US, WireError, decode_header};
+use crate::training::Failure;
+use crate::wire::{
+    ConnectionState, EngineConfig, FrameType, HEADER_BYTES, MAX_SPIN_US, WireError, decode_header,
+};
 use busy_poller::BusyPoller;
 use std::io::{self, ErrorKind};
 use std::path::PathBuf;
@@ -74,15 +79,14 @@ pub struct Link {
     poller: BusyPoller,
     /// Whether the other side is on this machine.
     pub is_local: bool,
+    /// Where the conversation stands, if the other side has proved itself already.
+    pub(crate) proven: Option<ConnectionState>,
 }
 
-/// Connects as the command line says, or listens.
-///
-/// # Errors
-/// An address is none, no trainer answers, or none comes within 60 seconds.
-pub fn connect(command_line: &CommandLine) -> Result<Link, LinkError> {
+/// Connects as the command line says, or listens until a trainer has proved itself.
+pub(crate) fn connect(command_line: &CommandLine) -> Result<Link, Failure> {
     if let Some(address) = &command_line.listen_at {
-        return listen(address);
+        return door::listen(address, command_line, START_TIMEOUT);
     }
     for address in &command_line.connect_to {
         if let Ok(stream) = Stream::connect(address, START_TIMEOUT) {
@@ -94,15 +98,22 @@ pub fn connect(command_line: &CommandLine) -> Result<Link, LinkError> {
         .iter()
         .map(ToString::to_string)
         .collect();
-    Err(LinkError::NoTrainer(tried.join(", ")))
+    Err(LinkError::NoTrainer(tried.join(", ")).into())
 }
 
-fn listen(address: &Address) -> Result<Link, LinkError> {
-    let stream = Stream::accept(address, START_TIMEOUT).map_err(|error| match error.kind() {
-        ErrorKind::TimedOut => LinkError::TimedOut(START_TIMEOUT),
-        _ => LinkError::Io(error),
-    })?;
-    Ok(Link::new(stream, address.is_local()))
+/// Ends this process when the one that started it is gone, where the system shows processes as
+/// files.
+fn watch_parent(parent_pid: Option<u32>) {
+    let Some(pid) = parent_pid else { return };
+    let path = PathBuf::from(format!("/proc/{pid}"));
+    if path.exists() {
+        std::thread::spawn(move || {
+            while path.exists() {
+                std::thread::sleep(WATCH_INTERVAL);
+            }
+            std::process::exit(1);
+        });
+    }
 }
 
 impl Link {
@@ -116,7 +127,15 @@ impl Link {
             spin: Duration::ZERO,
             poller: BusyPoller::default(),
             is_local,
+            proven: None,
         }
+    }
+
+    /// Returns the link with one who has proved itself.
+    fn proven(stream: Stream, is_local: bool, state: ConnectionState) -> Self {
+        let mut link = Self::new(stream, is_local);
+        link.proven = Some(state);
+        link
     }
 
     /// Takes the trainer's deadlines.
@@ -128,21 +147,6 @@ impl Link {
     /// Returns a second hand on the connection, to send a last word with.
     pub(crate) fn try_clone(&self) -> Result<Self, LinkError> {
         Ok(Self::new(self.stream.try_clone()?, self.is_local))
-    }
-
-    /// Ends this process when the one that started it is gone, where the system shows processes as
-    /// files.
-    pub(crate) fn watch_parent(&self, parent_pid: Option<u32>) {
-        let Some(pid) = parent_pid else { return };
-        let path = PathBuf::from(format!("/proc/{pid}"));
-        if path.exists() {
-            std::thread::spawn(move || {
-                while path.exists() {
-                    std::thread::sleep(WATCH_INTERVAL);
-                }
-                std::process::exit(1);
-            });
-        }
     }
 
     /// Sends a whole frame.

@@ -5,9 +5,9 @@ use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream, ToSocketAddrs};
 #[cfg(unix)]
 use std::os::unix::net::{UnixListener, UnixStream};
-use std::time::{Duration, Instant};
-
-const ACCEPT_POLL: Duration = Duration::from_millis(5);
+#[cfg(unix)]
+use std::path::PathBuf;
+use std::time::Duration;
 
 #[derive(Debug)]
 enum Socket {
@@ -70,30 +70,6 @@ impl Stream {
         }
     }
 
-    /// Listens until somebody connects.
-    pub fn accept(address: &Address, timeout: Duration) -> io::Result<Self> {
-        match address {
-            Address::Tcp { host, port } => {
-                let listener = TcpListener::bind((host.as_str(), *port))?;
-                listener.set_nonblocking(true)?;
-                Self::tcp(accept_within(timeout, || listener.accept())?.0)
-            }
-            #[cfg(unix)]
-            Address::Unix(path) => {
-                let listener = UnixListener::bind(path)?;
-                listener.set_nonblocking(true)?;
-                let accepted = accept_within(timeout, || listener.accept());
-                // The name has served; a second game could not listen there.
-                let _ = std::fs::remove_file(path);
-                let (socket, _) = accepted?;
-                socket.set_nonblocking(false)?;
-                Ok(Self::new(Socket::Unix(socket)))
-            }
-            #[cfg(not(unix))]
-            Address::Unix(_) => Err(ErrorKind::Unsupported.into()),
-        }
-    }
-
     pub fn try_clone(&self) -> io::Result<Self> {
         Ok(Self::new(match &self.socket {
             Socket::Tcp(socket) => Socket::Tcp(socket.try_clone()?),
@@ -129,17 +105,59 @@ impl Stream {
     }
 }
 
-fn accept_within<T>(timeout: Duration, mut accept: impl FnMut() -> io::Result<T>) -> io::Result<T> {
-    let deadline = Instant::now() + timeout;
-    loop {
-        match accept() {
-            Err(error) if error.kind() == ErrorKind::WouldBlock => {
-                if Instant::now() > deadline {
-                    return Err(ErrorKind::TimedOut.into());
-                }
-                std::thread::sleep(ACCEPT_POLL);
+/// A socket that listens.
+pub(super) enum Listener {
+    Tcp(TcpListener),
+    #[cfg(unix)]
+    Unix(UnixListener, PathBuf),
+}
+
+impl Listener {
+    pub fn bind(address: &Address) -> io::Result<Self> {
+        match address {
+            Address::Tcp { host, port } => {
+                let listener = TcpListener::bind((host.as_str(), *port))?;
+                listener.set_nonblocking(true)?;
+                Ok(Self::Tcp(listener))
             }
-            result => return result,
+            #[cfg(unix)]
+            Address::Unix(path) => {
+                let listener = UnixListener::bind(path)?;
+                listener.set_nonblocking(true)?;
+                Ok(Self::Unix(listener, path.clone()))
+            }
+            #[cfg(not(unix))]
+            Address::Unix(_) => Err(ErrorKind::Unsupported.into()),
+        }
+    }
+
+    /// Returns who has connected next, if anybody has.
+    pub fn accept(&self) -> io::Result<Option<Stream>> {
+        let accepted = match self {
+            Self::Tcp(listener) => listener.accept().and_then(|(it, _)| Stream::tcp(it)),
+            #[cfg(unix)]
+            Self::Unix(listener, _) => listener.accept().and_then(|(socket, _)| {
+                socket.set_nonblocking(false)?;
+                Ok(Stream::new(Socket::Unix(socket)))
+            }),
+        };
+        match accepted {
+            Ok(stream) => Ok(Some(stream)),
+            // The second one: whoever connected has gone already.
+            Err(error) => match error.kind() {
+                ErrorKind::WouldBlock | ErrorKind::ConnectionAborted => Ok(None),
+                _ => Err(error),
+            },
+        }
+    }
+}
+
+#[cfg(unix)]
+impl Drop for Listener {
+    fn drop(&mut self) {
+        if let Self::Unix(_, path) = self {
+            // The name has served; a second game could not listen there.
+            let _ = std::fs::remove_file(path);
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The plugin that connects the app with a trainer.
 
-use super::{Address, CommandLine, LinkError};
+use super::command_line::TOKEN_VARIABLE;
+use super::{Address, CommandLine, LinkError, watch_parent};
 use crate::error::print_error;
 use crate::model::answer_parity;
 use bevy_app::{App, AppExit, Plugin, PluginsState};
@@ -49,7 +50,8 @@ impl LudusTcpPlugin {
         Ok(self)
     }
 
-    /// Sets the secret shared with a trainer on another machine: at least 16 characters.
+    /// Sets the secret shared with a trainer on another machine, at least 16 characters, if neither the
+    /// command line nor the trainer that starts the game does.
     #[must_use]
     pub fn token(mut self, token: impl Into<String>) -> Self {
         self.token = Some(token.into());
@@ -68,6 +70,9 @@ impl LudusTcpPlugin {
             read.connect_to.clone_from(&self.connect_to);
             read.listen_at.clone_from(&self.listen_at);
         }
+        if read.token.is_empty() {
+            read.token = std::env::var(TOKEN_VARIABLE).unwrap_or_default();
+        }
         if let (true, Some(token)) = (read.token.is_empty(), &self.token) {
             read.token.clone_from(token);
         }
@@ -85,6 +90,7 @@ impl Plugin for LudusTcpPlugin {
             }) => answer(app, folder),
             Ok(read) => {
                 let complete = self.complete(read);
+                watch_parent(complete.parent_pid);
                 if complete.is_uncapped() && !self.has_own_runner {
                     app.set_runner(run_uncapped);
                 }

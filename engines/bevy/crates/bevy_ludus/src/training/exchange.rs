@@ -87,7 +87,6 @@ fn connect_and_open(world: &mut World, arguments: &CommandLine) -> Result<(), Fa
             return Err(failure);
         }
     };
-    link.watch_parent(arguments.parent_pid);
     link.set_pace(&welcome.config);
     // The trainer takes the link; an error in opening it has to reach the other side all the same.
     let mut reporter = link.try_clone()?;

@@ -8,6 +8,8 @@ pub const HEADER_BYTES: usize = 8;
 const MAX_BINARY_BYTES: usize = 1 << 28;
 const MAX_JSON_BYTES: usize = 1 << 24;
 const MAX_PING_BYTES: usize = 1 << 20;
+/// Of frames that somebody sends who has proved nothing yet.
+const MAX_GREETING_BYTES: usize = 1 << 16;
 
 /// What a frame carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -37,11 +39,15 @@ pub enum FrameType {
     Error = 11,
     /// Goodbye.
     Close = 12,
+    /// The trainer's proof, and what the engine's is to be about.
+    Challenge = 13,
+    /// The engine's proof.
+    Proof = 14,
 }
 
 impl FrameType {
     /// All types, in the order of their numbers.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 14] = [
         Self::Hello,
         Self::Welcome,
         Self::Spec,
@@ -54,6 +60,8 @@ impl FrameType {
         Self::Pong,
         Self::Error,
         Self::Close,
+        Self::Challenge,
+        Self::Proof,
     ];
 
     /// Returns the type with a number.
@@ -69,6 +77,7 @@ impl FrameType {
             Self::Reset | Self::Step | Self::Batch => MAX_BINARY_BYTES,
             Self::Ping | Self::Pong => MAX_PING_BYTES,
             Self::Close => 0,
+            Self::Hello | Self::Challenge | Self::Proof => MAX_GREETING_BYTES,
             _ => MAX_JSON_BYTES,
         }
     }

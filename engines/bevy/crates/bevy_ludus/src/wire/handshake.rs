@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// Lowest version of the protocol that is spoken here.
-pub const PROTOCOL_MIN: u64 = 1;
+/// Lowest version of the protocol that is spoken here: a trainer of protocol 1 proves nothing.
+pub const PROTOCOL_MIN: u64 = 2;
 /// Highest version of the protocol that is spoken here.
-pub const PROTOCOL_MAX: u64 = 1;
+pub const PROTOCOL_MAX: u64 = 2;
 /// Features of this engine.
 pub const CAPABILITIES: [&str; 6] = [
     "call",
@@ -51,12 +51,31 @@ pub struct Hello {
     pub engine: EngineName,
     /// Features it has.
     pub capabilities: Vec<String>,
-    /// Secret shared with the trainer; empty on loopback.
+    /// What the trainer's proof is about, 64 hexadecimal digits; empty in protocol 1.
     #[serde(default)]
-    pub token: String,
+    pub nonce: String,
     /// What a game that guides its training says of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub training: Option<Value>,
+}
+
+/// The trainer's proof that it knows the token.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Challenge {
+    /// The version it has chosen.
+    #[serde(deserialize_with = "super::json::whole")]
+    pub protocol: u64,
+    /// What the engine's proof is to be about, 64 hexadecimal digits.
+    pub nonce: String,
+    /// The proof, 64 hexadecimal digits.
+    pub proof: String,
+}
+
+/// The engine's proof that it knows the token.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Proof {
+    /// The proof, 64 hexadecimal digits.
+    pub proof: String,
 }
 
 /// How copies of the world are kept apart.
@@ -127,18 +146,7 @@ pub struct Welcome {
     /// Features that both sides have.
     #[serde(default)]
     pub capabilities: Vec<String>,
-    /// Secret shared with the engine.
-    #[serde(default)]
-    pub token: String,
     /// What it asks of the engine.
     #[serde(default)]
     pub config: EngineConfig,
-}
-
-/// Compares two tokens, in a time that tells nothing about where they differ.
-#[must_use]
-pub fn is_same_token(ours: &str, theirs: &str) -> bool {
-    let (ours, theirs) = (ours.as_bytes(), theirs.as_bytes());
-    let difference = ours.iter().zip(theirs).fold(0, |sum, (a, b)| sum | (a ^ b));
-    ours.len() == theirs.len() && std::hint::black_box(difference) == 0
 }

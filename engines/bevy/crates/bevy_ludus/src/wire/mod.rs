@@ -11,6 +11,8 @@ mod error;
 mod frame;
 mod handshake;
 mod json;
+#[cfg(feature = "trainer")]
+mod proof;
 mod report;
 mod reset;
 mod spec;
@@ -26,10 +28,12 @@ pub use frame::{
     Frame, FrameReader, FrameType, HEADER_BYTES, decode_header, encode_frame, encode_header, padded,
 };
 pub use handshake::{
-    CAPABILITIES, EngineConfig, EngineName, Hello, MAX_SPIN_US, PROTOCOL_MAX, PROTOCOL_MIN,
-    Versions, Welcome, WorldLayout, is_same_token,
+    CAPABILITIES, Challenge, EngineConfig, EngineName, Hello, MAX_SPIN_US, PROTOCOL_MAX,
+    PROTOCOL_MIN, Proof, Versions, Welcome, WorldLayout,
 };
 pub use json::{decode_json, encode_json, read_object};
+#[cfg(feature = "trainer")]
+pub use proof::{NONCE_BYTES, Nonce, Role, from_hex, is_proof, make_proof, to_hex};
 pub use report::{ErrorCode, ErrorReport};
 pub use reset::{ResetAction, ResetRequest};
 pub use spec::{

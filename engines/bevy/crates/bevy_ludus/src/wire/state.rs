@@ -10,6 +10,10 @@ pub enum State {
     Connected,
     /// The engine has greeted.
     Greeted,
+    /// The trainer has proved itself.
+    Challenged,
+    /// The engine has proved itself.
+    Proven,
     /// The trainer has told its settings.
     Configured,
     /// The engine waits for a request.
@@ -62,6 +66,7 @@ impl ConnectionState {
             (State::Closed, _) => None,
             (_, FrameType::Error | FrameType::Close) => Some(State::Closed),
             (State::Connected, FrameType::Hello) => Some(State::Greeted),
+            (State::Challenged, FrameType::Proof) => Some(State::Proven),
             (State::Configured, FrameType::Spec)
             | (State::Stepping, FrameType::Batch)
             | (State::Calling, FrameType::Result)
@@ -79,7 +84,8 @@ impl ConnectionState {
         let following = match (self.state, frame) {
             (State::Closed, _) => None,
             (_, FrameType::Error | FrameType::Close) => Some(State::Closed),
-            (State::Greeted, FrameType::Welcome) => Some(State::Configured),
+            (State::Greeted, FrameType::Challenge) => Some(State::Challenged),
+            (State::Proven, FrameType::Welcome) => Some(State::Configured),
             (State::Ready, FrameType::Step) if !self.has_reset => {
                 return Err(WireError::StepBeforeReset);
             }

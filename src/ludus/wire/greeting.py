@@ -1,0 +1,83 @@
+"""The trainer's side of a greeting, until the engine has proved itself (PROTOCOL.md §3). No I/O."""
+
+from __future__ import annotations
+
+from ludus.errors import ProtocolError
+from ludus.wire.frames import FrameType, decode_json, encode_json
+from ludus.wire.handshake import GreetingRefused, Hello
+from ludus.wire.json_object import JsonObject
+from ludus.wire.proof import is_hex, is_proof, make_nonce, make_proof
+from ludus.wire.state import ConnectionState, State
+
+__all__ = ["Greeting"]
+
+
+class Greeting:
+    """``HELLO``, ``CHALLENGE`` and ``PROOF``; what follows is the session's.
+
+    An engine of protocol 1 can prove nothing, and is done after its ``HELLO``.
+
+    Args:
+        token: The secret that the engine knows, too.
+        takes_protocol_1: Whether it is known without a proof who is at the other end.
+
+    Attributes:
+        state: The state of the connection.
+        hello: The engine's greeting; None as long as there is none.
+        version: The protocol that both speak.
+    """
+
+    def __init__(self, token: str, *, takes_protocol_1: bool = False) -> None:
+        self.state = ConnectionState()
+        self.hello: Hello | None = None
+        self.version = 0
+        self._token = token
+        self._takes_protocol_1 = takes_protocol_1
+        self._nonce = make_nonce()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the engine may be sent its ``WELCOME``."""
+        is_old = self.version == 1 and self.state.state is State.GREETED
+        return is_old or self.state.state is State.PROVEN
+
+    def answer(self, frame_type: FrameType, payload: bytes) -> bytes | None:
+        """Take in a frame that :attr:`state` has allowed; return the frame to send, if any.
+
+        Raises:
+            ProtocolError: The frame is malformed.
+            GreetingRefused: There is no common version, or the proof is wrong.
+        """
+        value = decode_json(payload, frame_type.name)
+        if frame_type is FrameType.HELLO:
+            return self._challenge(Hello.from_json(value))
+        self._check_proof(JsonObject(value, "PROOF").text("proof"))
+        return None
+
+    def _challenge(self, hello: Hello) -> bytes | None:
+        self.hello, self.version = hello, hello.agree()
+        if self.version == 1:
+            if not self._takes_protocol_1:
+                raise GreetingRefused(
+                    "version",
+                    "the game's add-on speaks protocol 1, in which a game cannot prove who it is; "
+                    "that is enough only for a game that the trainer starts on its own machine",
+                    hello.upgrade,
+                )
+            return None
+        if not is_hex(hello.nonce):
+            raise ProtocolError("HELLO.nonce: expected 64 hexadecimal digits")
+        proof = make_proof(self._token, "trainer", hello.nonce, self._nonce)
+        self.state.send(FrameType.CHALLENGE)
+        content = {"protocol": self.version, "nonce": self._nonce, "proof": proof}
+        return encode_json(FrameType.CHALLENGE, content)
+
+    def _check_proof(self, proof: str) -> None:
+        assert self.hello is not None, "the state allows a PROOF only after a HELLO"
+        expected = make_proof(self._token, "engine", self.hello.nonce, self._nonce)
+        if not is_proof(proof, expected):
+            raise GreetingRefused(
+                "token",
+                "the game's token is not ours",
+                "give both sides the same token file (--ludus-token-file, --token-file)",
+            )
