@@ -28,6 +28,8 @@ class Greeting:
     """
 
     def __init__(self, token: str, *, takes_protocol_1: bool = False) -> None:
+        if not token:
+            raise ValueError("an empty token is no secret")
         self.state = ConnectionState()
         self.hello: Hello | None = None
         self.version = 0

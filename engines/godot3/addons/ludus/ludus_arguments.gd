@@ -2,11 +2,14 @@ class_name LudusArguments
 extends Reference
 ## What the command line tells the add-on (PROTOCOL.md §10, POLICY.md §5).
 
+## Environment variable with the token of a game that a trainer has started.
+const TOKEN_VARIABLE := "LUDUS_TOKEN"
+
 ## Addresses to connect to, in order.
 var connect_to: Array = []
 ## Address to listen at; empty: do not listen.
 var listen_at: String = ""
-## The secret shared with a trainer on another machine.
+## The secret shared with the trainer; empty: the one of this user, on this machine.
 var token: String = ""
 ## Scene to play by hand, without a trainer; empty: the game's own.
 var play_scene: String = ""
@@ -42,6 +45,22 @@ func _init() -> void:
 				is_sampling = true
 			"--ludus-report":
 				has_report = true
+	if token.empty():
+		token = OS.get_environment(TOKEN_VARIABLE)
+
+
+## The token that a trainer at the other end has to know; empty if there is none. Godot 3 cannot see
+## whose a file is, and who may read it: the trainer looks at that.
+func token_for(is_local: bool) -> String:
+	return _read_text(user_token_path()).strip_edges() if token.empty() and is_local else token
+
+
+## Where trainers of this user, on this machine, keep their token (PROTOCOL.md §3).
+static func user_token_path() -> String:
+	var cache := OS.get_cache_dir()
+	if OS.get_name() == "Windows":
+		cache = OS.get_environment("LOCALAPPDATA").replace("\\", "/")
+	return cache.plus_file("ludus/token")
 
 
 ## Whether the game was started by or for a trainer.

@@ -68,6 +68,10 @@ func _enter_tree() -> void:
 		queue_free()
 		return
 	add_to_group(GROUP_NAME)
+	_arguments = LudusArguments.new()
+	if _arguments.parent_pid > 0:  # before scenes are loaded, which may take for ever
+		_link = LudusLink.new()
+		_link.watch(_arguments.parent_pid)
 	pause_mode = Node.PAUSE_MODE_PROCESS
 	process_priority = -1073741824
 
@@ -275,16 +279,16 @@ func _handle_call() -> bool:
 func _start() -> void:
 	_phase = Phase.MANUAL
 	_manual = LudusManualPlay.new(get_tree())
-	_arguments = LudusArguments.new()
-	_link = LudusLink.new()
+	if _link == null:
+		_link = LudusLink.new()
 	if not _arguments.play_scene.empty():
-		_link.watch(_arguments.parent_pid)
 		if not LudusOpening.show_scene(_arguments.play_scene, self):
 			get_tree().quit(1)
 		return
 	if not LudusOpening.find_trainer(_link, _arguments):
 		if _arguments.has_trainer():
 			_end(_link.error)
+		_link.close()
 		_link = null
 		return
 	_link.watch(_arguments.parent_pid)
@@ -293,7 +297,7 @@ func _start() -> void:
 
 func _greet() -> void:
 	var opening := LudusOpening.new()
-	if not opening.greet(_link, _arguments.token, self):
+	if not opening.greet(_link, _arguments, self):
 		_fail(opening.code, opening.error, opening.hint)
 		return
 	_requests.open(opening.capabilities)

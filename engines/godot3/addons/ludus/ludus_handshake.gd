@@ -3,7 +3,6 @@ extends Reference
 ## The JSON part of a conversation: greeting, settings, spec (PROTOCOL.md §3 and §4).
 
 const START_TIMEOUT_MS := 60000
-const MIN_TOKEN_LENGTH := 16
 const MAX_WORLDS := 65536
 const MAX_SPIN_US := 100000
 const LAYOUTS := ["scene", "isolated", "grid"]
@@ -19,21 +18,34 @@ var error: String = ""
 var hint: String = ""
 
 var _link: LudusLink
-var _token: String
+var _arguments: LudusArguments
 
 
-func _init(link: LudusLink, token: String) -> void:
+func _init(link: LudusLink, arguments: LudusArguments) -> void:
 	_link = link
-	_token = token
+	_arguments = arguments
+
+
+## What the trainer is told first.
+static func hello() -> Dictionary:
+	var version := Engine.get_version_info()
+	return {
+		"protocol": {"min": LudusWire.PROTOCOL_MIN, "max": LudusWire.PROTOCOL_MAX},
+		"addon": LudusWire.ADDON_VERSION,
+		"engine":
+		{
+			"name": "godot",
+			"version": "%d.%d.%d" % [version["major"], version["minor"], version["patch"]],
+		},
+		"capabilities": LudusWire.CAPABILITIES,
+	}
 
 
 ## Greets the trainer and takes its settings. Returns false if they cannot work together.
 func greet() -> bool:
-	if not _link.is_local and _token.length() < MIN_TOKEN_LENGTH:
-		return _refuse("token", "a connection to another machine needs a token of 16 characters")
+	if not _link.is_proven and not _prove():
+		return false
 	_link.idle_timeout_ms = START_TIMEOUT_MS
-	if not _link.send(LudusWire.json_frame(LudusWire.Type.HELLO, _hello())):
-		return _refuse("internal", "the trainer closed the connection")
 	if not _link.receive():
 		return _refuse("frame", "the trainer closed the connection during the greeting")
 	var message = LudusWire.read_json(_link.payload)
@@ -67,19 +79,18 @@ func integer(key: String, default: int) -> int:
 	return int(value) if value is float or value is int else default
 
 
-func _hello() -> Dictionary:
-	var version := Engine.get_version_info()
-	return {
-		"protocol": {"min": LudusWire.PROTOCOL_MIN, "max": LudusWire.PROTOCOL_MAX},
-		"addon": LudusWire.ADDON_VERSION,
-		"engine":
-		{
-			"name": "godot",
-			"version": "%d.%d.%d" % [version["major"], version["minor"], version["patch"]],
-		},
-		"capabilities": LudusWire.CAPABILITIES,
-		"token": _token,
-	}
+func _prove() -> bool:
+	var token := _arguments.token_for(_link.is_local)
+	if not _link.is_local and token.length() < LudusLink.MIN_TOKEN_LENGTH:
+		return _refuse("token", "a connection to another machine needs a token of 16 characters")
+	var greeting := _link.greet(hello(), token, START_TIMEOUT_MS)
+	if not _link.is_proven:
+		code = greeting.code
+		hint = greeting.hint
+		error = greeting.error
+		if error.empty():
+			error = "the trainer closed the connection during the greeting"
+	return _link.is_proven
 
 
 func _accept(welcome: Dictionary) -> bool:
@@ -89,8 +100,6 @@ func _accept(welcome: Dictionary) -> bool:
 		return _refuse(
 			"version", "the trainer chose protocol %d, which this add-on lacks" % protocol
 		)
-	if not _link.is_local and str(welcome.get("token", "")) != _token:
-		return _refuse("token", "the trainer sent another token")
 	var settings = welcome.get("config", {})
 	if not settings is Dictionary:
 		return _refuse("config", "config is no object")

@@ -6,7 +6,13 @@ extends Reference
 ## process when the deadline has passed, or ends it when the process that started the game is gone.
 ## Godot 3 has no Unix sockets.
 
+const MIN_TOKEN_LENGTH := 16
+## How long who connects to a listening game may take to prove itself.
+const GREETING_TIMEOUT_MS := 10000
+## Where more do so at once, who has been there longest has to go: a trainer takes no time.
+const MAX_GUESTS := 64
 const CONNECT_POLL_MS := 5
+const GREETING_POLL_MS := 1
 const WATCH_INTERVAL_MS := 100
 const FRAME_TIMEOUT_MS := 30000
 const SILENCE := "the trainer was silent for too long"
@@ -33,6 +39,8 @@ var idle_timeout_ms: int = 0
 var spin_us: int = 0
 ## Whether the other side is on this machine.
 var is_local: bool = true
+## Whether the other side has proved that it knows the token.
+var is_proven: bool = false
 
 var _stream: StreamPeerTCP
 ## Bytes that were here at the last look, and were not read since.
@@ -56,30 +64,54 @@ func connect_to(addresses: Array, timeout_ms: int) -> bool:
 	for address in addresses:
 		_stream = _open(address)
 		if _stream != null and _await_connection(timeout_ms):
-			is_local = _is_loopback(address)
+			is_local = is_loopback(address)
 			return true
 	error = "no trainer answers at %s" % PoolStringArray(addresses).join(", ")
 	_stream = null
 	return false
 
 
-## Listens at a TCP address until a trainer connects.
-func listen_at(address: String, timeout_ms: int) -> bool:
+## Listens at the TCP address of [param arguments] until a trainer has proved itself; others are
+## dropped. Whoever comes is greeted with [param hello].
+func listen_at(arguments: LudusArguments, timeout_ms: int, hello: Dictionary) -> bool:
+	var address := arguments.listen_at
+	is_local = is_loopback(address)
+	if not is_local and arguments.token.length() < MIN_TOKEN_LENGTH:
+		error = "a game that other machines can reach needs a token of 16 characters"
+		return false
 	var server := TCP_Server.new()
 	if server.listen(_port(address), _host(address)) != OK:
 		error = "cannot listen at %s" % address
 		return false
-	is_local = _is_loopback(address)
 	var deadline := OS.get_ticks_msec() + timeout_ms
-	while not server.is_connection_available():
-		if OS.get_ticks_msec() > deadline:
+	var guests := []
+	while _stream == null and error.empty():
+		if server.is_connection_available():
+			var token := arguments.token_for(is_local)
+			var peer := server.take_connection()
+			guests.append(LudusGreeting.new(peer, hello.duplicate(), token, GREETING_TIMEOUT_MS))
+			if guests.size() > MAX_GUESTS:
+				guests.pop_front().dismiss()
+		elif OS.get_ticks_msec() > deadline:
 			error = "no trainer connected to %s within %d s" % [address, timeout_ms / 1000]
-			return false
-		OS.delay_msec(CONNECT_POLL_MS)
-	_stream = server.take_connection()
-	_stream.set_no_delay(true)
+		else:
+			OS.delay_msec(CONNECT_POLL_MS)
+		guests = _move_on(guests)
+	for guest in guests:
+		guest.dismiss()
 	server.stop()
-	return true
+	return error.empty()
+
+
+## Greets a trainer with [param hello], and waits until it has proved that it knows
+## [param token]. Returns how that went.
+func greet(hello: Dictionary, token: String, timeout_ms: int) -> LudusGreeting:
+	var greeting := LudusGreeting.new(_stream, hello, token, timeout_ms)
+	while greeting.state == LudusGreeting.State.WAITING:
+		OS.delay_msec(GREETING_POLL_MS)
+		greeting.advance()
+	is_proven = greeting.state == LudusGreeting.State.PROVEN
+	return greeting
 
 
 ## Starts the thread that enforces deadlines and, where the system shows processes as files, ends
@@ -88,6 +120,8 @@ func watch(parent_pid: int) -> void:
 	var path := "/proc/%d/status" % parent_pid
 	if parent_pid > 0 and File.new().file_exists(path):
 		_parent_path = path
+	if _watch != null:
+		return
 	_watch = Thread.new()
 	if _watch.start(self, "_enforce_deadlines") != OK:
 		push_error("ludus: no thread for deadlines")
@@ -104,8 +138,8 @@ func send(frame: PoolByteArray) -> bool:
 func receive() -> bool:
 	error = ""
 	_spin()
-	var header := _read(LudusWire.HEADER_BYTES, idle_timeout_ms)
-	if header.empty():
+	var header := _read_header()
+	if header.size() < LudusWire.HEADER_BYTES:
 		return false
 	if header != _header and not _take_header(header):
 		return false
@@ -197,6 +231,44 @@ func _note_lost(now: int) -> void:
 		_respite_until_us = now + _respite_us
 
 
+## Reads a header, for which the trainer has all its time until it begins.
+func _read_header() -> PoolByteArray:
+	if _num_here < LudusWire.HEADER_BYTES:
+		_num_here = _stream.get_available_bytes()
+	if _num_here >= LudusWire.HEADER_BYTES:
+		return _read(LudusWire.HEADER_BYTES, 0)
+	var header := _read(1, idle_timeout_ms)
+	if not header.empty():
+		header.append_array(_read(LudusWire.HEADER_BYTES - 1, FRAME_TIMEOUT_MS))
+	return header
+
+
+## Moves on all who have connected to a listening game. Returns those that stay.
+func _move_on(guests: Array) -> Array:
+	var staying := []
+	for guest in guests:
+		guest.advance()
+		match guest.state:
+			LudusGreeting.State.WAITING:
+				staying.append(guest)
+			LudusGreeting.State.PROVEN:
+				_take(guest.stream)
+			LudusGreeting.State.REFUSED:
+				printerr("ludus: dropped who connected: ", guest.error)
+				guest.dismiss()
+			LudusGreeting.State.ENDED:
+				if _stream == null and not guest.error.empty():  # it speaks the protocol
+					error = "%s; %s" % [guest.error, guest.hint]
+	return staying
+
+
+func _take(stream: StreamPeerTCP) -> void:
+	if _stream == null:
+		_stream = stream
+		_stream.set_no_delay(true)
+		is_proven = true
+
+
 func _read(num_bytes: int, timeout_ms: int) -> PoolByteArray:
 	if _num_here < num_bytes:
 		_num_here = _stream.get_available_bytes()
@@ -253,6 +325,8 @@ static func _port(address: String) -> int:
 	return int(address.substr(address.find_last(":") + 1))
 
 
-static func _is_loopback(address: String) -> bool:
+## Whether an address is this machine's own, and no other can reach it.
+static func is_loopback(address: String) -> bool:
 	var host := _host(address)
-	return host == "localhost" or host == "::1" or host.begins_with("127.")
+	var is_number := host.is_valid_ip_address() and not ":" in host
+	return host == "localhost" or host == "::1" or (is_number and host.begins_with("127."))

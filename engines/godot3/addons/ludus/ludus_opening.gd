@@ -24,7 +24,7 @@ var _scene: PackedScene
 ## trainer even if that says nothing. Returns whether there is one.
 static func find_trainer(link: LudusLink, arguments: LudusArguments) -> bool:
 	if not arguments.listen_at.empty():
-		return link.listen_at(arguments.listen_at, LISTEN_TIMEOUT_MS)
+		return link.listen_at(arguments, LISTEN_TIMEOUT_MS, LudusHandshake.hello())
 	if arguments.has_trainer():
 		return link.connect_to(arguments.connect_to, CONNECT_TIMEOUT_MS)
 	if not OS.has_feature("editor"):
@@ -53,8 +53,8 @@ static func show_scene(path: String, bridge: Node) -> bool:
 
 
 ## Greets the trainer, and loads the scene it asks for. Returns false if that cannot be.
-func greet(link: LudusLink, token: String, bridge: Node) -> bool:
-	_handshake = LudusHandshake.new(link, token)
+func greet(link: LudusLink, arguments: LudusArguments, bridge: Node) -> bool:
+	_handshake = LudusHandshake.new(link, arguments)
 	if _handshake.greet():
 		var current := bridge.get_tree().current_scene
 		var is_game := current != null and current != bridge

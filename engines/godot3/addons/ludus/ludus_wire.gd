@@ -21,6 +21,8 @@ enum Type {
 	PONG,
 	ERROR,
 	CLOSE,
+	CHALLENGE,
+	PROOF,
 }
 
 ## What a [code]RESET[/code] does to a world (PROTOCOL.md §5).
@@ -30,14 +32,16 @@ enum ResetAction {
 	SEED,
 }
 
-const PROTOCOL_MIN := 1
-const PROTOCOL_MAX := 1
+## A trainer of protocol 1 proves nothing, and is not taken.
+const PROTOCOL_MIN := 2
+const PROTOCOL_MAX := 2
 const ADDON_VERSION := "0.1.0"
 const CAPABILITIES := ["call", "ceiling", "rebuild", "requests", "reset_worlds"]
 const HEADER_BYTES := 8
 const MAX_PAYLOAD_BYTES := 268435456
 const MAX_JSON_BYTES := 16777216
 const MAX_PING_BYTES := 1048576
+const MAX_GREETING_BYTES := 65536
 const DEFAULT_PORT := 11011
 const BATCH_HEAD_BYTES := 24
 const FLAG_RESET := 1

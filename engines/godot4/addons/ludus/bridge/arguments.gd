@@ -77,6 +77,8 @@ static func user_token_path() -> String:
 
 static func _read_user_token() -> String:
 	var path := user_token_path()
+	if not FileAccess.file_exists(path):
+		return ""
 	# Windows has no such rights; a home folder is its user's own there.
 	if OS.get_name() != "Windows" and FileAccess.get_unix_permissions(path) & OTHERS != 0:
 		printerr("ludus: others may read %s, so the token in it is no secret; delete it" % path)

@@ -12,6 +12,7 @@ enum State {
 	ENDED,  ## It has refused us, see [member error], or closed the connection.
 }
 
+const LudusArguments := preload("res://addons/ludus/bridge/arguments.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
 const NONCE_BYTES := 32
@@ -38,6 +39,10 @@ func _init(connection: StreamPeer, hello: Dictionary, token: String, timeout_ms:
 	stream = connection
 	_token = token
 	deadline_ms = Time.get_ticks_msec() + timeout_ms
+	if token.is_empty():
+		hint = "is the trainer this user's? Its token is in %s" % LudusArguments.user_token_path()
+		_refuse("token", "there is no token, so that a trainer cannot prove itself")
+		return
 	hello["nonce"] = _nonce.hex_encode()
 	if stream.put_data(LudusWire.json_frame(LudusWire.Type.HELLO, hello)) != OK:
 		state = State.ENDED

@@ -92,9 +92,6 @@ func _prove() -> bool:
 	var token := _arguments.token_for(_link.is_local)
 	if not _link.is_local and token.length() < LudusLink.MIN_TOKEN_LENGTH:
 		return _refuse("token", "a connection to another machine needs a token of 16 characters")
-	if token.is_empty():
-		hint = "is the trainer this user's?"
-		return _refuse("token", "there is no token in %s" % LudusArguments.user_token_path())
 	var greeting := _link.greet(hello(_training), token, START_TIMEOUT_MS)
 	if not _link.is_proven:
 		code = greeting.code

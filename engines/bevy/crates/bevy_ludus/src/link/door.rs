@@ -43,8 +43,12 @@ pub(super) fn listen(
     let mut guests = VecDeque::new();
     loop {
         while let Some(stream) = listener.accept().map_err(LinkError::Io)? {
-            let token = command_line.token_for(is_local)?;
-            guests.extend(Guest::greet(stream, token)?);
+            let token = command_line.token_for(is_local).map_err(Failure::from);
+            match token.and_then(|token| Guest::greet(stream, token)) {
+                Ok(guest) => guests.extend(guest),
+                // A trainer of this user writes the token before it connects.
+                Err(failure) => print_error(&format!("dropped who connected: {failure}"), ""),
+            }
             if guests.len() > MAX_GUESTS {
                 guests.pop_front();
             }

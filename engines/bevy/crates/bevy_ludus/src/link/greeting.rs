@@ -23,6 +23,10 @@ pub(super) struct Greeting {
 
 impl Greeting {
     pub fn new(token: String) -> Result<Self, Failure> {
+        if token.is_empty() {
+            let text = "there is no token, so that a trainer cannot prove itself";
+            return Err(Failure::new(ErrorCode::Token, text, ""));
+        }
         let mut nonce = Nonce::default();
         getrandom::fill(&mut nonce)
             .map_err(|error| Failure::new(ErrorCode::Internal, error.to_string(), ""))?;
