@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import socket
 import struct
 import threading
@@ -11,10 +12,19 @@ from typing import Any
 
 from ludus.link import Link
 from ludus.session import EngineSession
+from ludus.wire.greeting import Greeting
 from tests.wire.golden import load
-from tests.wire.reference import FRAME_NUMBERS, encode_batch, frame, json_frame, quiet_batch
+from tests.wire.reference import (
+    FRAME_NUMBERS,
+    encode_batch,
+    frame,
+    json_frame,
+    make_proof,
+    quiet_batch,
+)
 
 HELLO = load("hello").content
+TOKEN = "a token of 16 characters"
 FLAT = load("spec_flat").content
 POLICIES = load("spec_policies").content
 
@@ -68,11 +78,22 @@ class Talk:
         return data
 
     def greet(self, hello: dict[str, Any] = HELLO) -> None:
-        """Go through the handshake."""
+        """Go through the handshake, and send the spec."""
         self.json("HELLO", hello)
-        name, _ = self.read()
+        self.prove(hello)
+        name, payload = self.read()
         assert name == "WELCOME", name
+        self.welcome = json.loads(payload)
         self.json("SPEC", self.spec)
+
+    def prove(self, hello: dict[str, Any] = HELLO, token: str = TOKEN) -> None:
+        """Answer the challenge that follows a ``HELLO``."""
+        name, payload = self.read()
+        assert name == "CHALLENGE", (name, payload)
+        challenge = json.loads(payload)
+        nonces = hello["nonce"], challenge["nonce"]
+        assert challenge["proof"] == make_proof(TOKEN, "trainer", *nonces)
+        self.json("PROOF", {"proof": make_proof(token, "engine", *nonces)})
 
     def serve(self) -> None:
         """Answer requests until the trainer goes; a step's entries hold its number."""
@@ -107,6 +128,10 @@ class FakeEngine:
     def link(self, timeout_s: float = 5.0) -> Link:
         """Return the trainer's end."""
         return Link(self.ours, timeout_s)
+
+    def greeting(self) -> Greeting:
+        """Return the trainer's part of a greeting that has not begun."""
+        return Greeting(TOKEN)
 
     def join(self) -> None:
         self._thread.join(_TIMEOUT_S)

@@ -64,7 +64,7 @@ class Fleet:
         self.engines[engine, start] = fake
         timeout_s = 1.0 if (engine, start) in self.frozen else 5.0
         session = EngineSession(
-            fake.link(), EngineConfig(), Supervision(None), step_timeout_s=timeout_s
+            fake.link(), EngineConfig(), Supervision(None), fake.greeting(), timeout_s
         )
         self.sessions.append(session)
         return session
@@ -345,7 +345,9 @@ def test_a_mistake_of_the_game_is_not_forgiven(fleet: Fleet) -> None:
 
     fake = FakeEngine(behave, POLICIES)
     config = EngineConfig()
-    pool = EnginePool(lambda _: EngineSession(fake.link(), config, Supervision(None)), 1, 9)
+    pool = EnginePool(
+        lambda _: EngineSession(fake.link(), config, Supervision(None), fake.greeting()), 1, 9
+    )
     pool.reset(1)
     with pytest.raises(GameError):
         pool.step(zeros(pool))
@@ -371,7 +373,8 @@ def test_engines_with_other_specs_are_refused(fleet: Fleet) -> None:
     fakes = [FakeEngine(behave, spec) for spec in (POLICIES, other)]
 
     def open_engine(engine: int) -> EngineSession:
-        return EngineSession(fakes[engine].link(), EngineConfig(), Supervision(None))
+        fake = fakes[engine]
+        return EngineSession(fake.link(), EngineConfig(), Supervision(None), fake.greeting())
 
     with pytest.raises(EngineError, match=r"engine 1 .* engine 0"):
         EnginePool(open_engine, 2)

@@ -54,7 +54,9 @@ class Games:
         self.engines.append(fake)
         timeout_s = 1.0 if engine in self.frozen else 5.0
         supervision = Supervision(None)
-        session = EngineSession(fake.link(), EngineConfig(), supervision, step_timeout_s=timeout_s)
+        session = EngineSession(
+            fake.link(), EngineConfig(), supervision, fake.greeting(), timeout_s
+        )
         self.sessions.append(session)
         return session
 
@@ -270,7 +272,7 @@ def test_a_mistake_in_an_answer_is_not_forgiven(games: Games) -> None:
 
     fake = FakeEngine(behave, FLAT)
     games.engines.append(fake)
-    session = EngineSession(fake.link(), EngineConfig(), Supervision(None))
+    session = EngineSession(fake.link(), EngineConfig(), Supervision(None), fake.greeting())
     games.sessions.append(session)
     pool = EnginePool(lambda _: session, 1, 9)
     pool.reset(1)

@@ -13,9 +13,10 @@ from ludus.errors import (
 from ludus.session.engine_session import EngineSession
 from ludus.session.supervision import Supervision
 from ludus.spec.batch import ActionBatch
+from ludus.wire.greeting import Greeting
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
-from tests.fake_engine import FLAT, FakeEngine, Talk, end_all
+from tests.fake_engine import FLAT, TOKEN, FakeEngine, Talk, end_all
 
 Behaviour = Callable[[Talk], None]
 
@@ -31,7 +32,7 @@ class Opener:
         self,
         behaviour: Behaviour,
         spec: dict[str, Any] = FLAT,
-        token: str = "",
+        token: str = TOKEN,
         start_timeout_s: float = 5.0,
         step_timeout_s: float = 5.0,
     ) -> EngineSession:
@@ -39,7 +40,7 @@ class Opener:
         self.engines.append(engine)
         link = engine.link(start_timeout_s)
         config = EngineConfig(num_worlds=3)
-        session = EngineSession(link, config, Supervision(None), token, step_timeout_s)
+        session = EngineSession(link, config, Supervision(None), Greeting(token), step_timeout_s)
         self.sessions.append(session)
         return session
 

@@ -48,7 +48,7 @@ def test_frames_are_exchanged_in_the_order_of_the_protocol(open_with: Opener) ->
     session.close()
     open_with.engines[0].join()
     names = [name for name, _ in open_with.engines[0].talk.received]
-    assert names == ["WELCOME", "RESET", "STEP", "STEP", "STEP", "CLOSE"]
+    assert names == ["CHALLENGE", "WELCOME", "RESET", "STEP", "STEP", "STEP", "CLOSE"]
 
 
 def test_seeds_parameters_and_actions_reach_the_engine(open_with: Opener) -> None:

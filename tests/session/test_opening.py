@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import struct
 import time
 
@@ -14,16 +15,15 @@ from ludus.errors import (
     ProtocolError,
     TargetError,
 )
-from tests.fake_engine import HELLO, Talk
+from tests.fake_engine import HELLO, TOKEN, Talk
 from tests.session.conftest import (
     Opener,
     answering,
     assert_ended,
+    obedient,
     reset,
 )
 from tests.wire.reference import frame
-
-TOKEN = "a token of 16 characters"
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,12 @@ def test_a_malformed_error_ends_the_session(open_with: Opener, payload: bytes) -
 
 
 @pytest.mark.parametrize(
-    ("versions", "upgrade"), [((0, 0), "ludus addon install"), ((2, 9), "pip install --upgrade")]
+    ("versions", "upgrade"),
+    [
+        ((0, 0), "ludus addon install"),
+        ((1, 1), "ludus addon install"),
+        ((3, 9), "pip install --upgrade"),
+    ],
 )
 def test_without_a_common_version_both_sides_learn_which_to_upgrade(
     open_with: Opener, versions: tuple[int, int], upgrade: str
@@ -88,26 +93,37 @@ def test_without_a_common_version_both_sides_learn_which_to_upgrade(
     assert upgrade in caught.value.hint
 
 
-@pytest.mark.parametrize("token", ["", "another token of 16", "\ud800", "zwölf"])
-def test_a_wrong_token_is_refused_without_revealing_ours(open_with: Opener, token: str) -> None:
+@pytest.mark.parametrize("token", ["", "another token of 16", "zwölf"])
+def test_an_engine_with_another_token_is_refused_and_learns_nothing_of_ours(
+    open_with: Opener, token: str
+) -> None:
     def behave(talk: Talk) -> None:
-        talk.json("HELLO", {**HELLO, "token": token})
+        talk.json("HELLO", HELLO)
+        talk.prove(token=token)
         name, payload = talk.read()
         assert name == "ERROR"
         assert b'"code":"token"' in payload
-        assert TOKEN.encode() not in payload
 
     with pytest.raises(EngineStartError, match="token is not ours"):
-        open_with(behave, token=TOKEN)
+        open_with(behave)
+    open_with.engines[0].join()
+    assert all(TOKEN.encode() not in payload for _, payload in open_with.engines[0].talk.received)
 
 
-def test_the_right_token_is_accepted_and_answered(open_with: Opener) -> None:
+def test_an_engine_that_reflects_our_proof_is_refused(open_with: Opener) -> None:
     def behave(talk: Talk) -> None:
-        talk.greet({**HELLO, "token": TOKEN})
-        talk.serve()
+        talk.json("HELLO", HELLO)
+        challenge = json.loads(talk.read()[1])
+        talk.json("PROOF", {"proof": challenge["proof"]})
+        talk.wait_for_the_end()
 
-    reset(open_with(behave, token=TOKEN))
-    assert f'"token":"{TOKEN}"'.encode() in open_with.engines[0].talk.received[0][1]
+    with pytest.raises(EngineStartError, match="token is not ours"):
+        open_with(behave)
+
+
+def test_an_engine_that_proves_itself_is_welcomed_without_a_token(open_with: Opener) -> None:
+    reset(open_with(obedient))
+    assert "token" not in open_with.engines[0].talk.welcome
 
 
 @pytest.mark.parametrize(

@@ -34,12 +34,14 @@ class Golden:
         type: Frame type.
         content: What it carries; see ``protocol/golden/README.md``.
         spec_json: The spec that ``STEP`` and ``BATCH`` belong to.
+        token: The token that ``CHALLENGE`` and ``PROOF`` prove.
     """
 
     name: str
     type: FrameType
     content: dict[str, Any]
     spec_json: dict[str, Any]
+    token: str = ""
 
     @property
     def path(self) -> Path:
@@ -82,6 +84,7 @@ def load(name: str) -> Golden:
         type=FrameType[described["frame"]],
         content=described["content"],
         spec_json=load(spec).content if spec else {},
+        token=described.get("token", ""),
     )
 
 

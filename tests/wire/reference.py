@@ -6,6 +6,8 @@ the plain JSON values of ``protocol/golden``.
 
 from __future__ import annotations
 
+import hashlib
+import hmac
 import json
 import struct
 from collections.abc import Iterator
@@ -27,6 +29,8 @@ FRAME_NUMBERS = {
     "PONG": 10,
     "ERROR": 11,
     "CLOSE": 12,
+    "CHALLENGE": 13,
+    "PROOF": 14,
 }
 
 
@@ -199,3 +203,9 @@ def _filled(entry: Json, shape: list[int], value: float) -> list[Any]:
     if len(shape) == 1:
         return [number] * shape[0]
     return [_filled(entry, shape[1:], value) for _ in range(shape[0])]
+
+
+def make_proof(token: str, role: str, engine_nonce: str, trainer_nonce: str) -> str:
+    """Return the proof of §3, by the definition of HMAC."""
+    message = f"ludus 2 {role}".encode() + bytes.fromhex(engine_nonce + trainer_nonce)
+    return hmac.digest(token.encode(), message, hashlib.sha256).hex()

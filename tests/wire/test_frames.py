@@ -32,7 +32,7 @@ PROTOCOL = (Path(__file__).parents[2] / "protocol" / "PROTOCOL.md").read_text(en
 JSON_BYTES = 16_777_216
 BINARY_BYTES = 268_435_456
 LIMITS = {
-    FrameType.HELLO: JSON_BYTES,
+    FrameType.HELLO: 65_536,
     FrameType.WELCOME: JSON_BYTES,
     FrameType.SPEC: JSON_BYTES,
     FrameType.RESET: BINARY_BYTES,
@@ -44,6 +44,8 @@ LIMITS = {
     FrameType.PONG: 1_048_576,
     FrameType.ERROR: JSON_BYTES,
     FrameType.CLOSE: 0,
+    FrameType.CHALLENGE: 65_536,
+    FrameType.PROOF: 65_536,
 }
 
 
@@ -91,7 +93,7 @@ def test_limits_are_those_of_the_protocol(limit: int) -> None:
     assert f"{limit:,} bytes" in PROTOCOL.replace("\n", " ")
 
 
-@pytest.mark.parametrize("number", [0, 13, 71, 255])
+@pytest.mark.parametrize("number", [0, 15, 71, 255])
 def test_an_unknown_type_is_refused(number: int) -> None:
     with pytest.raises(ProtocolError, match=f"unknown type {number}"):
         decode_header(header(0, number))

@@ -13,6 +13,7 @@ from ludus.spec import PolicySpec
 from ludus.spec.batch import Batch, Batches
 from ludus.wire.frames import FrameType, decode_json
 from ludus.wire.handshake import EngineConfig, Hello, welcome
+from ludus.wire.proof import Role, make_proof
 from ludus.wire.spec_reader import read_spec
 from ludus.wire.step import BatchDecoder
 from tests.wire import reference
@@ -63,6 +64,8 @@ def test_header_is_read(golden: Golden) -> None:
     FrameType.CALL,
     FrameType.RESULT,
     FrameType.ERROR,
+    FrameType.CHALLENGE,
+    FrameType.PROOF,
 )
 def test_json_is_read(golden: Golden) -> None:
     assert decode_json(golden.payload, golden.name) == golden.content
@@ -82,18 +85,27 @@ def test_hello_is_read(golden: Golden) -> None:
     assert hello.engine == f"{content['engine']['name']} {content['engine']['version']}"
     assert hello.addon == content["addon"]
     assert hello.capabilities == set(content["capabilities"])
-    assert hello.token == content["token"]
-    assert hello.agree() == 1
+    assert hello.nonce == content.get("nonce", "")
+    assert hello.agree() == content["protocol"]["max"]
 
 
 def test_welcome_has_the_keys_of_the_protocol() -> None:
     golden = load("welcome").content
     hello = Hello.from_json({**load("hello").content, "capabilities": ["rebuild", "call", "new"]})
     config = golden["config"]
-    written = welcome(1, hello, EngineConfig(**config))
+    written = welcome(2, hello, EngineConfig(**config))
     assert written.keys() == golden.keys()
     assert written["capabilities"] == golden["capabilities"]
     assert written["config"] == config
+
+
+@of_types(FrameType.CHALLENGE, FrameType.PROOF)
+def test_proofs_are_those_of_the_protocol(golden: Golden) -> None:
+    nonces = load("hello").content["nonce"], load("challenge").content["nonce"]
+    role: Role = "trainer" if golden.type is FrameType.CHALLENGE else "engine"
+    proof = make_proof(golden.token, role, *nonces)
+    assert proof == golden.content["proof"]
+    assert proof == reference.make_proof(golden.token, role, *nonces)
 
 
 @of_types(FrameType.RESET)

@@ -71,7 +71,7 @@ def test_a_missing_key_is_named(key: str) -> None:
         ("capabilities", "call", "capabilities: expected a list, got 'call'"),
         ("capabilities", None, "capabilities: expected a list, got None"),
         ("capabilities", {"call": True}, "capabilities: expected a list, got {'call': True}"),
-        ("token", 7, "token: expected a text, got 7"),
+        ("nonce", 7, "nonce: expected a text, got 7"),
     ],
 )
 def test_a_wrong_field_is_named(key: str, value: Any, what: str) -> None:
@@ -80,21 +80,21 @@ def test_a_wrong_field_is_named(key: str, value: Any, what: str) -> None:
     assert caught.value.message == f"HELLO.{what}"
 
 
-def test_the_token_is_optional_and_not_shown() -> None:
-    without = {key: value for key, value in HELLO.items() if key != "token"}
-    assert Hello.from_json(without).token == ""
-    assert "secret" not in repr(Hello.from_json({**HELLO, "token": "secret"}))
+def test_an_engine_of_protocol_1_has_no_nonce_and_its_token_is_not_kept() -> None:
+    old = Hello.from_json(load("hello_protocol_1").content)
+    assert (old.nonce, old.agree()) == ("", 1)
+    assert "16" not in repr(old).replace("0.16", "")
 
 
 def test_only_common_capabilities_are_used() -> None:
     hello = Hello.from_json({**HELLO, "capabilities": ["telepathy", "call"]})
-    assert welcome(1, hello, EngineConfig())["capabilities"] == ["call"]
+    assert welcome(2, hello, EngineConfig())["capabilities"] == ["call"]
 
 
 def test_the_answer_carries_the_settings() -> None:
     config = EngineConfig(scene="res://a.tscn", num_worlds=7, first_world=14, layout="grid")
-    answer = welcome(1, hello_of(1, 1), config, "a-token-of-16-chars")
+    answer = welcome(1, hello_of(1, 1), config)
     assert answer["config"]["num_worlds"] == 7
     assert answer["config"]["first_world"] == 14
     assert answer["config"]["ticks_per_step"] is None
-    assert answer["token"] == "a-token-of-16-chars"
+    assert "token" not in answer

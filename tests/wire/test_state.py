@@ -51,8 +51,8 @@ def connection_in(state: State) -> ConnectionState:
 
 
 def test_the_table_was_found() -> None:
-    assert len(SENT) == 5 + 14
-    assert len(RECEIVED) == 5 + 14
+    assert len(SENT) == 7 + 18
+    assert len(RECEIVED) == 6 + 18
 
 
 @pytest.mark.parametrize(("state", "frame_type"), PAIRS)

@@ -7,7 +7,7 @@ from ludus.wire.frames import FrameType, decode_json, encode_json
 from ludus.wire.handshake import GreetingRefused, Hello
 from ludus.wire.json_object import JsonObject
 from ludus.wire.proof import is_hex, is_proof, make_nonce, make_proof
-from ludus.wire.state import ConnectionState, State
+from ludus.wire.state import ConnectionState
 
 __all__ = ["Greeting"]
 
@@ -36,12 +36,12 @@ class Greeting:
         self._token = token
         self._takes_protocol_1 = takes_protocol_1
         self._nonce = make_nonce()
+        self._is_over = False
 
     @property
     def is_over(self) -> bool:
         """Whether the engine may be sent its ``WELCOME``."""
-        is_old = self.version == 1 and self.state.state is State.GREETED
-        return is_old or self.state.state is State.PROVEN
+        return self._is_over
 
     def answer(self, frame_type: FrameType, payload: bytes) -> bytes | None:
         """Take in a frame that :attr:`state` has allowed; return the frame to send, if any.
@@ -66,6 +66,7 @@ class Greeting:
                     "that is enough only for a game that the trainer starts on its own machine",
                     hello.upgrade,
                 )
+            self._is_over = True
             return None
         if not is_hex(hello.nonce):
             raise ProtocolError("HELLO.nonce: expected 64 hexadecimal digits")
@@ -83,3 +84,4 @@ class Greeting:
                 "the game's token is not ours",
                 "give both sides the same token file (--ludus-token-file, --token-file)",
             )
+        self._is_over = True
