@@ -21,6 +21,7 @@ from ludus.engine.project import RUN_SCENE
 from ludus.link import Link, Listener
 from ludus.wire.frames import FrameType
 from tests.godot.simulation_games import write_project
+from tests.raw_trainer import TOKEN_ENV, greet
 from tests.wire.golden import load
 from tests.wire.reference import frame, json_frame
 
@@ -44,7 +45,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def play(link: Link, name: str, layout: str) -> None:
     """Train two worlds that are made twice, and say goodbye."""
-    assert link.receive()[0] is FrameType.HELLO
+    greet(link)
     config = {"scene": f"res://{name}.tscn", "num_worlds": 2, "layout": layout}
     link.send(json_frame("WELCOME", {**load("welcome").content, "config": config}))
     assert link.receive()[0] is FrameType.SPEC
@@ -68,7 +69,7 @@ def last_words(engine: InstalledEngine, folder: Path, name: str, layout: str) ->
     program, *rest = godot_command(engine, project.root, RUN_SCENE, flags)
     log = folder / f"{name}_{layout}.log"
     command = (program, "--verbose", *rest)
-    with EngineProcess.start(LaunchConfig(command=command, log_path=log)) as process:
+    with EngineProcess.start(LaunchConfig(command=command, env=TOKEN_ENV, log_path=log)) as process:
         link = listener.accept(20.0, lambda: None)
         listener.close()
         play(link, name, layout)

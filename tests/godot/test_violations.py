@@ -22,6 +22,7 @@ from ludus.engine.project import RUN_SCENE
 from ludus.link import Link, LinkClosed, Listener
 from ludus.wire.frames import FrameType
 from tests.godot.conftest import Game
+from tests.raw_trainer import TOKEN_ENV, greet
 from tests.wire.golden import load
 from tests.wire.reference import frame, json_frame
 
@@ -42,10 +43,10 @@ class Trainer:
         listener = Listener()
         flags = GodotFlags(user_args=(f"--ludus-connect={','.join(listener.addresses)}",))
         command = godot_command(engine, project.root, RUN_SCENE, flags)
-        self.process = EngineProcess.start(LaunchConfig(command=command))
+        self.process = EngineProcess.start(LaunchConfig(command=command, env=TOKEN_ENV))
         self.link: Link = listener.accept(20.0, lambda: None)
         listener.close()
-        self.hello = self.expect(FrameType.HELLO)
+        self.hello = greet(self.link)
 
     def expect(self, frame_type: FrameType) -> Any:
         got, payload = self.link.receive()
@@ -140,7 +141,7 @@ def test_a_trainer_that_leaves_ends_the_game(trainer: Trainer, num_bytes: int) -
 @pytest.mark.parametrize(
     ("answer", "code", "message"),
     [
-        ({**WELCOME, "protocol": 2}, "version", "protocol 2"),
+        ({**WELCOME, "protocol": 3}, "version", "protocol 3"),
         ({**WELCOME, "config": 7}, "config", "config is no object"),
         ({**WELCOME, "config": {"layout": "ring"}}, "config", "ring"),
     ],

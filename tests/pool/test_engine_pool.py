@@ -170,7 +170,7 @@ def test_worlds_are_counted_over_all_engines(fleet: Fleet) -> None:
         (["7", "8"], [{"i": 2}, None]),
     ]
     for engine, (seeds, parameters) in enumerate(expected):
-        (_, first), (_, second) = fleet.received(engine)[1:]
+        (_, first), (_, second) = fleet.received(engine)[2:]
         assert decode_reset(first)["seeds"] == [seed.zfill(16) for seed in seeds]
         assert decode_reset(first)["actions"] == [2, 2]
         assert decode_reset(first)["parameters"] == parameters
@@ -257,8 +257,8 @@ def test_the_second_life_has_other_seeds(fleet: Fleet) -> None:
     pool = EnginePool(fleet.open, 2, max_restarts=1)
     pool.reset(40)
     pool.step(zeros(pool))
-    first = decode_reset(fleet.received(1, 0)[1][1])["seeds"]
-    second = decode_reset(fleet.received(1, 1)[1][1])
+    first = decode_reset(fleet.received(1, 0)[2][1])["seeds"]
+    second = decode_reset(fleet.received(1, 1)[2][1])
     assert not set(first) & set(second["seeds"])
     assert second["actions"] == [2, 2]
 
@@ -320,7 +320,7 @@ def test_an_engine_that_is_gone_at_a_reset_is_started_again(fleet: Fleet) -> Non
     assert first_elements(batches) == [2, 2, 110, 110]
     assert not batches["hero"].truncated.any()
     assert batches["hero"].final_index.tolist() == []
-    seeds = decode_reset(fleet.received(1, 1)[1][1])["seeds"]
+    seeds = decode_reset(fleet.received(1, 1)[2][1])["seeds"]
     assert seeds == [f"{seed:016x}" for seed in (11, 12)]
     assert first_elements(pool.step(zeros(pool))) == [3, 3, 111, 111]
 
@@ -331,7 +331,7 @@ def test_a_second_life_has_the_parameters_of_the_first(fleet: Fleet) -> None:
     pool.reset(1, [{"i": i} for i in range(4)])
     pool.reset(None, [None, None, {"i": 9}, None])
     pool.step(zeros(pool))
-    assert decode_reset(fleet.received(1, 1)[1][1])["parameters"] == [{"i": 9}, {"i": 3}]
+    assert decode_reset(fleet.received(1, 1)[2][1])["parameters"] == [{"i": 9}, {"i": 3}]
 
 
 def test_a_mistake_of_the_game_is_not_forgiven(fleet: Fleet) -> None:

@@ -9,6 +9,8 @@ var type: int
 var content: Dictionary
 ## The spec that a [code]STEP[/code] or a [code]BATCH[/code] belongs to.
 var spec: Dictionary
+## The token that a [code]CHALLENGE[/code] or a [code]PROOF[/code] proves.
+var token: String
 ## The whole frame.
 var frame: PoolByteArray
 
@@ -20,6 +22,7 @@ func _init(folder: String, frame_name: String) -> void:
 	name = frame_name
 	type = LudusWire.Type[described["frame"]]
 	content = described["content"]
+	token = described.get("token", "")
 	frame = _read_bytes(path + ".bin")
 	if described.has("spec"):
 		spec = _read_object(folder.plus_file(described["spec"]) + ".json")["content"]

@@ -11,6 +11,8 @@ const JSON_TYPES := [
 	LudusWire.Type.CALL,
 	LudusWire.Type.RESULT,
 	LudusWire.Type.ERROR,
+	LudusWire.Type.CHALLENGE,
+	LudusWire.Type.PROOF,
 ]
 const RAW_TYPES := [LudusWire.Type.PING, LudusWire.Type.PONG, LudusWire.Type.CLOSE]
 
@@ -40,6 +42,15 @@ func test_json_is_written() -> void:
 		equal(LudusWire.read_u32(frame, 0), frame.size() - LudusWire.HEADER_BYTES, golden.name)
 		equal(frame.subarray(4, 7), golden.frame.subarray(4, 7), golden.name)
 		equal(LudusWire.read_json(frame.subarray(8, -1)), golden.content, golden.name)
+
+
+func test_proofs_are_made() -> void:
+	var ours := LudusGreeting.read_hex(Golden.new(golden_folder, "hello").content["nonce"])
+	var theirs := LudusGreeting.read_hex(Golden.new(golden_folder, "challenge").content["nonce"])
+	for golden in _of([LudusWire.Type.CHALLENGE, LudusWire.Type.PROOF]):
+		var role := "trainer" if golden.type == LudusWire.Type.CHALLENGE else "engine"
+		var proof := LudusGreeting.proof(golden.token, role, ours, theirs)
+		equal(proof.hex_encode(), golden.content["proof"], golden.name)
 
 
 func test_raw_frames_are_written() -> void:

@@ -40,6 +40,22 @@ func test_a_trainer_may_send_only_its_own_frames() -> void:
 		equal(LudusWire.max_payload_bytes(type), limits.get(type, -1), "type %d" % type)
 
 
+func test_only_addresses_of_this_machine_are_local() -> void:
+	for pair in [
+		["tcp:127.0.0.1:1", true],
+		["tcp:127.9.9.9:1", true],
+		["tcp:[::1]:1", true],
+		["tcp:localhost:1", true],
+		["tcp:127.0.0.1.evil.example:1", false],
+		["tcp:127.evil.example:1", false],
+		["tcp:localhost.evil.example:1", false],
+		["tcp:0.0.0.0:1", false],
+		["tcp:192.168.0.1:1", false],
+		["tcp:[::1.evil.example]:1", false],
+	]:
+		equal(LudusLink.is_loopback(pair[0]), pair[1], pair[0])
+
+
 func test_json_must_be_an_object() -> void:
 	for text in ["", "[]", "7", "null", '"text"', "{", "{} {}"]:
 		equal(LudusWire.read_json(text.to_utf8()), null, text)

@@ -11,6 +11,8 @@ var type: int
 var content: Dictionary
 ## The spec that a [code]STEP[/code] or a [code]BATCH[/code] belongs to.
 var spec: Dictionary
+## The token that a [code]CHALLENGE[/code] or a [code]PROOF[/code] proves.
+var token: String
 ## The whole frame.
 var frame: PackedByteArray
 
@@ -23,6 +25,7 @@ static func read(folder: String, frame_name: String) -> RefCounted:
 	golden.set("name", frame_name)
 	golden.set("type", LudusWire.Type[described["frame"]])
 	golden.set("content", described["content"])
+	golden.set("token", described.get("token", ""))
 	golden.set("frame", FileAccess.get_file_as_bytes(path + ".bin"))
 	if described.has("spec"):
 		var spec_path := folder.path_join(str(described["spec"]) + ".json")

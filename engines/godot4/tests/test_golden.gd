@@ -2,6 +2,7 @@ extends "ludus_test.gd"
 ## GDScript reads and writes every golden frame.
 
 const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
+const LudusGreeting := preload("res://addons/ludus/bridge/greeting.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
 const Golden := preload("golden.gd")
@@ -14,6 +15,8 @@ const JSON_TYPES: Array[int] = [
 	LudusWire.Type.CALL,
 	LudusWire.Type.RESULT,
 	LudusWire.Type.ERROR,
+	LudusWire.Type.CHALLENGE,
+	LudusWire.Type.PROOF,
 ]
 const RAW_TYPES: Array[int] = [LudusWire.Type.PING, LudusWire.Type.PONG, LudusWire.Type.CLOSE]
 
@@ -44,6 +47,17 @@ func test_json_is_written() -> void:
 		equal(frame.slice(4, 8), golden.frame.slice(4, 8), golden.name)
 		var written := frame.slice(LudusWire.HEADER_BYTES)
 		equal(LudusWire.read_json(written), golden.content, golden.name)
+
+
+func test_proofs_are_made() -> void:
+	var hello: Dictionary = Golden.read(golden_folder, "hello").get("content")
+	var challenge: Dictionary = Golden.read(golden_folder, "challenge").get("content")
+	var ours := str(hello["nonce"]).hex_decode()
+	var theirs := str(challenge["nonce"]).hex_decode()
+	for golden: Golden in _of([LudusWire.Type.CHALLENGE, LudusWire.Type.PROOF]):
+		var role := "trainer" if golden.type == LudusWire.Type.CHALLENGE else "engine"
+		var proof := LudusGreeting.proof(golden.token, role, ours, theirs)
+		equal(proof.hex_encode(), golden.content["proof"], golden.name)
 
 
 func test_raw_frames_are_written() -> void:

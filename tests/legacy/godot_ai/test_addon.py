@@ -31,6 +31,7 @@ from ludus.spec.batch import ActionBatch, Batches
 from ludus.training.loop import train
 from ludus.wire.frames import FrameType
 from tests.legacy.godot_ai.projects import Events, legacy_addon_game
+from tests.raw_trainer import TOKEN_ENV, greet
 from tests.wire.golden import load
 from tests.wire.reference import frame, json_frame
 
@@ -173,7 +174,7 @@ RESET = frame("RESET", struct.pack("<II", 2, 4) + bytes(16) + bytes([2, 2]) + by
 
 def play(link: Link) -> None:
     """Train two worlds that are made twice, and say goodbye, unless the game fails."""
-    assert link.receive()[0] is FrameType.HELLO
+    greet(link)
     config = {"scene": "res://Point/PointEnv.tscn", "num_worlds": 2, "layout": "scene"}
     link.send(json_frame("WELCOME", {**load("welcome").content, "config": config}))
     assert link.receive()[0] is FrameType.SPEC
@@ -195,7 +196,9 @@ def last_words(project: Path, output: Path) -> tuple[int | None, str]:
     flags = GodotFlags(user_args=(f"--ludus-connect={listener.addresses[0]}",))
     program, *rest = godot_command(engine, project, RUN_SCENE, flags)
     command = (program, "--verbose", *rest)
-    with EngineProcess.start(LaunchConfig(command=command, log_path=output)) as process:
+    with EngineProcess.start(
+        LaunchConfig(command=command, env=TOKEN_ENV, log_path=output)
+    ) as process:
         link = listener.accept(20.0, lambda: None)
         listener.close()
         play(link)

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from copy import deepcopy
 from typing import Any
 
+from ludus.session.user_token import user_token
 from tests.fake_engine import FLAT, HELLO, Talk
 
 __all__ = ["CAPABILITIES", "DEADLINE_S", "EPISODE_STEPS", "Game", "small_spec"]
@@ -124,6 +125,9 @@ class Game:
             hello["training"] = self._training
         self._talk.json("HELLO", hello)
         name, payload = self._talk.read()
+        if name == "CHALLENGE":
+            self._talk.answer(hello, name, payload, user_token())
+            name, payload = self._talk.read()
         if name == "WELCOME":
             self._talk.welcome = json.loads(payload)
             self._talk.json("SPEC", self._talk.spec)

@@ -13,18 +13,19 @@ from typing import Any
 import pytest
 
 from ludus.errors import SetupError
+from ludus.link.door import MAX_PENDING
 from ludus.serve.guided.game_server import (
-    MAX_PENDING,
     POLL_S,
     RELEASE_WAIT_S,
     ConnectedGame,
     GameServer,
 )
-from ludus.serve.guided.pending_connection import LINGER_S
-from tests.fake_engine import HELLO
+from ludus.session.user_token import user_token
+from ludus.wire.frames import FrameType
+from tests.fake_engine import HELLO, TOKEN
 from tests.serve.guided.conftest import Running, Start
 from tests.serve.guided.game import CAPABILITIES, DEADLINE_S, Game
-from tests.wire.reference import frame, json_frame
+from tests.wire.reference import frame, json_frame, make_proof
 
 pytestmark = pytest.mark.slow
 BUSY = {
@@ -42,6 +43,20 @@ class Client:
 
     def send(self, data: bytes) -> None:
         self.socket.sendall(data)
+
+    def prove(self, token: str = TOKEN) -> None:
+        """Answer the challenge that follows the greeting."""
+        head = self.socket.recv(8, socket.MSG_WAITALL)
+        num_bytes, number = struct.unpack_from("<IB", head)
+        payload = self.socket.recv(num_bytes, socket.MSG_WAITALL)
+        assert number == FrameType.CHALLENGE, payload
+        nonces = HELLO["nonce"], json.loads(payload)["nonce"]
+        self.send(json_frame("PROOF", {"proof": make_proof(token, "engine", *nonces)}))
+
+    def greet(self, **changes: Any) -> None:
+        """Greet as a game that knows the token."""
+        self.send(hello(**changes))
+        self.prove()
 
     def read_all(self) -> bytes:
         """Return what arrives until the server disconnects."""
@@ -65,7 +80,7 @@ class Client:
 
 @pytest.fixture
 def games() -> Iterator[GameServer]:
-    with GameServer(0, hello_timeout_s=DEADLINE_S, link_timeout_s=DEADLINE_S) as games:
+    with GameServer(0, TOKEN, hello_timeout_s=DEADLINE_S, link_timeout_s=DEADLINE_S) as games:
         yield games
 
 
@@ -101,7 +116,7 @@ def await_game(games: GameServer, run: str = "other") -> ConnectedGame:
 
 def connect_game(games: GameServer, connect: Connect) -> tuple[Client, ConnectedGame]:
     client = connect(games.port)
-    client.send(hello())
+    client.greet()
     return client, await_game(games)
 
 
@@ -127,6 +142,7 @@ def test_a_second_game_is_rejected_while_the_first_stands_by(
     game.await_state("standby")
     client = connect(server.port)
     client.send(hello())
+    client.prove(user_token())
     assert client.report() == BUSY
     game.await_state("standby")
 
@@ -135,7 +151,7 @@ def test_a_second_game_is_rejected_while_the_first_stands_by(
     ("said", "code", "text"),
     [
         (b"GET / HTTP/1.1\r\n\r\n", "frame", "frame of unknown type 47"),
-        (frame("SPEC", b"{}"), "frame", "the first frame must be HELLO, got SPEC"),
+        (frame("SPEC", b"{}"), "frame", "the engine sent SPEC in CONNECTED"),
         (frame("HELLO", b"[1]"), "frame", "HELLO must be a JSON object"),
         (frame("HELLO", b"\xff\xfe"), "frame", "HELLO is not valid JSON"),
         (frame("HELLO", b"{}"), "frame", "HELLO.protocol: missing"),
@@ -151,6 +167,8 @@ def test_a_wrong_hello_is_answered_with_the_error(
 ) -> None:
     client = connect(server.port)
     client.send(said)
+    if code == "config":  # of a game that has proved itself
+        client.prove(user_token())
     report = client.report()
     assert report["code"] == code
     assert text in report["message"]
@@ -168,7 +186,7 @@ def test_other_clients_do_not_disturb_a_game(start: Start, connect: Connect) -> 
     seen = game.await_updates(0)["updates"]
     game.await_updates(seen + 3)
     assert half.report()["code"] == "timeout"
-    assert silent.report()["message"] == "no complete HELLO arrived within 1 s"
+    assert silent.report()["message"] == "no complete greeting arrived within 1 s"
     seen = game.await_updates(0)["updates"]
     game.await_updates(seen + 3)
 
@@ -179,9 +197,10 @@ def test_a_hello_may_arrive_in_pieces(games: GameServer, connect: Connect) -> No
     for i in range(0, len(data), 50):
         client.send(data[i : i + 50])
         time.sleep(0.002)
+    client.prove()
     game = await_game(games)
-    name, payload = game.link.receive()
-    assert (int(name), json.loads(payload)["training"]) == (1, {"run": "other"})
+    assert game.greeting.hello is not None
+    assert game.greeting.hello.training == {"run": "other"}
     game.link.close()
 
 
@@ -190,10 +209,10 @@ def test_a_disconnect_not_yet_noticed_frees_the_place(games: GameServer, connect
     first.send(b"something that nobody reads")
     first.socket.close()
     second = connect(games.port)
-    second.send(hello(training={"run": "second"}))
+    second.greet(training={"run": "second"})
     await_reading(games, connect)
     third = connect(games.port)
-    third.send(hello())
+    third.greet()
     assert third.report() == BUSY
     games.release()
     waiting = await_game(games, "second")
@@ -204,7 +223,7 @@ def test_a_disconnect_not_yet_noticed_frees_the_place(games: GameServer, connect
 def test_a_game_waits_for_the_current_one_to_go(games: GameServer, connect: Connect) -> None:
     first, game = connect_game(games, connect)
     second = connect(games.port)
-    second.send(hello(training={"run": "second"}))
+    second.greet(training={"run": "second"})
     await_reading(games, connect)
     time.sleep(2 * POLL_S)
     first.socket.close()
@@ -216,7 +235,7 @@ def test_a_game_waits_for_the_current_one_to_go(games: GameServer, connect: Conn
 def test_a_waiting_game_may_disconnect(games: GameServer, connect: Connect) -> None:
     _, game = connect_game(games, connect)
     second = connect(games.port)
-    second.send(hello(training={"run": "second"}))
+    second.greet(training={"run": "second"})
     await_reading(games, connect)
     second.socket.close()
     time.sleep(2 * POLL_S)
@@ -228,30 +247,49 @@ def test_a_waiting_game_that_disconnected_frees_the_place(
     games: GameServer, connect: Connect
 ) -> None:
     first, second = connect(games.port), connect(games.port)
-    first.send(hello())
+    first.greet()
     await_reading(games, connect)
     first.socket.close()
-    second.send(hello(training={"run": "second"}))
+    second.greet(training={"run": "second"})
     await_reading(games, connect)
     game = await_game(games, "second")
     game.link.close()
 
 
-def test_connections_beyond_the_limit_are_dropped(connect: Connect) -> None:
-    with GameServer(0, hello_timeout_s=3.0, link_timeout_s=5.0) as games:
-        crowd = [connect(games.port) for _ in range(MAX_PENDING + 3)]
-        assert all(one.is_gone() for one in crowd[MAX_PENDING:])
-        assert all(one.report()["code"] == "timeout" for one in crowd[:MAX_PENDING])
-        for one in crowd:
-            one.socket.close()
-        time.sleep(2 * LINGER_S)
-        late = connect(games.port)
-        late.send(hello())
-        await_game(games).link.close()
+def test_a_crowd_of_silent_visitors_keeps_no_game_out(connect: Connect) -> None:
+    with GameServer(0, TOKEN, hello_timeout_s=DEADLINE_S, link_timeout_s=5.0) as games:
+        crowd = [connect(games.port) for _ in range(2 * MAX_PENDING + 3)]
+        began = time.monotonic()
+        _, game = connect_game(games, connect)
+        assert time.monotonic() - began < DEADLINE_S / 2
+        game.link.close()
+        assert crowd[0].is_gone()  # who has been there longest
+
+
+@pytest.mark.parametrize("token", ["another token of 16 characters", ""])
+def test_a_game_with_another_token_is_rejected(
+    games: GameServer, connect: Connect, token: str
+) -> None:
+    client = connect(games.port)
+    client.send(hello())
+    client.prove(token)
+    assert client.report()["code"] == "token"
+    _, game = connect_game(games, connect)
+    game.link.close()
+
+
+def test_a_game_of_protocol_1_is_rejected_and_told_what_to_do(
+    games: GameServer, connect: Connect
+) -> None:
+    client = connect(games.port)
+    client.send(hello(protocol={"min": 1, "max": 1}))
+    report = client.report()
+    assert report["code"] == "version"
+    assert report["hint"] == "run `ludus addon install PROJECT`"
 
 
 def test_the_server_sleeps_without_connections(connect: Connect) -> None:
-    with GameServer(0, hello_timeout_s=0.5, link_timeout_s=5.0) as games:
+    with GameServer(0, TOKEN, hello_timeout_s=0.5, link_timeout_s=5.0) as games:
         connect(games.port).send(hello()[:30])
         began, used = time.monotonic(), time.process_time()
         assert games.accept(2.0) is None
@@ -261,5 +299,5 @@ def test_the_server_sleeps_without_connections(connect: Connect) -> None:
 
 def test_a_taken_port_is_an_error(games: GameServer) -> None:
     with pytest.raises(SetupError, match=f"cannot listen at 127.0.0.1:{games.port}") as caught:
-        GameServer(games.port, 1.0, 1.0)
+        GameServer(games.port, TOKEN, 1.0, 1.0)
     assert "choose another --port" in caught.value.hint

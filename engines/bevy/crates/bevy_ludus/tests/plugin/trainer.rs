@@ -3,8 +3,9 @@
 use bevy_app::{App, AppExit};
 use bevy_ludus::LudusTcpPlugin;
 use bevy_ludus::wire::{
-    ActionFrame, ActionLayout, BatchFrame, BatchHead, BatchLayout, ErrorReport, Frame, FrameReader,
-    FrameType, Hello, ResetAction, ResetRequest, Spec, encode_frame, encode_json, read_object,
+    ActionFrame, ActionLayout, BatchFrame, BatchHead, BatchLayout, Challenge, ErrorReport, Frame,
+    FrameReader, FrameType, Hello, NONCE_BYTES, Proof, ResetAction, ResetRequest, Role, Spec,
+    encode_frame, encode_json, from_hex, make_proof, read_object, to_hex,
 };
 use serde_json::{Value, json};
 use std::io::{ErrorKind, Read, Write};
@@ -12,6 +13,7 @@ use std::net::{TcpListener, TcpStream};
 use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
+const TOKEN: &str = "a token of 16 characters";
 const DEADLINE: Duration = Duration::from_secs(20);
 
 /// A trainer that has been greeted.
@@ -33,7 +35,8 @@ impl Trainer {
             fill(&mut app);
             let transport = LudusTcpPlugin::default()
                 .connect_to(&address)
-                .expect("an address");
+                .expect("an address")
+                .token(TOKEN);
             app.add_plugins(transport).run()
         });
         listener.set_nonblocking(true).expect("a socket");
@@ -51,7 +54,23 @@ impl Trainer {
         };
         let hello = trainer.receive(FrameType::Hello);
         trainer.hello = read_object(&hello, "HELLO").expect("a greeting");
+        trainer.prove();
         trainer
+    }
+
+    /// Lets both sides prove that they know the token.
+    fn prove(&mut self) {
+        let engine = from_hex(&self.hello.nonce).expect("a nonce");
+        let ours = [7; NONCE_BYTES];
+        let challenge = Challenge {
+            protocol: 2,
+            nonce: to_hex(&ours),
+            proof: to_hex(&make_proof(TOKEN, Role::Trainer, &engine, &ours)),
+        };
+        self.send(&encode_json(FrameType::Challenge, &challenge).expect("a frame"));
+        let proof: Proof = read_object(&self.receive(FrameType::Proof), "PROOF").expect("a proof");
+        let expected = make_proof(TOKEN, Role::Engine, &engine, &ours);
+        assert_eq!(proof.proof, to_hex(&expected));
     }
 
     /// Greets the app and returns its spec.
@@ -62,8 +81,8 @@ impl Trainer {
 
     pub fn welcome(&mut self, config: &Value) {
         let welcome = json!({
-            "protocol": 1, "client": "test", "capabilities": self.hello.capabilities,
-            "token": "", "config": config,
+            "protocol": 2, "client": "test", "capabilities": self.hello.capabilities,
+            "config": config,
         });
         self.send(&encode_json(FrameType::Welcome, &welcome).expect("a frame"));
     }

@@ -2,21 +2,23 @@
 
 use crate::golden_frames::{described_batch, described_head, described_step, load_all};
 use bevy_ludus::wire::{
-    ActionFrame, ActionLayout, BatchFrame, BatchLayout, Call, CallResult, ErrorReport, FrameReader,
-    FrameType, Hello, ResetAction, ResetRequest, Spec, Welcome, decode_json, encode_frame,
-    encode_json, read_object,
+    ActionFrame, ActionLayout, BatchFrame, BatchLayout, Call, CallResult, Challenge, ErrorReport,
+    FrameReader, FrameType, Hello, Proof, ResetAction, ResetRequest, Spec, Welcome, decode_json,
+    encode_frame, encode_json, read_object,
 };
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
-const JSON_FRAMES: [FrameType; 6] = [
+const JSON_FRAMES: [FrameType; 8] = [
     FrameType::Hello,
     FrameType::Welcome,
     FrameType::Spec,
     FrameType::Call,
     FrameType::Result,
     FrameType::Error,
+    FrameType::Challenge,
+    FrameType::Proof,
 ];
 
 #[test]
@@ -60,7 +62,7 @@ fn json_is_read_and_written() {
 }
 
 /// Checks that a type says all that the golden frames of a kind say, but for the named keys, which
-/// version 1 does not know.
+/// this version does not know.
 fn is_whole<T: DeserializeOwned + Serialize>(kind: FrameType, unknown: &[&str]) {
     for golden in load_all(&[kind]) {
         let value: T = read_object(golden.payload(), &golden.name).expect("a valid frame");
@@ -94,7 +96,53 @@ fn with_floats(value: &Value) -> Value {
 
 #[test]
 fn hello_is_whole() {
-    is_whole::<Hello>(FrameType::Hello, &["mood"]);
+    is_whole::<Hello>(FrameType::Hello, &["mood", "token", "nonce"]);
+}
+
+#[test]
+fn challenge_and_proof_are_whole() {
+    is_whole::<Challenge>(FrameType::Challenge, &[]);
+    is_whole::<Proof>(FrameType::Proof, &[]);
+}
+
+#[cfg(feature = "trainer")]
+#[test]
+fn proofs_are_made_and_checked() {
+    use bevy_ludus::wire::{NONCE_BYTES, Role, from_hex, is_proof, make_proof, to_hex};
+    let nonce = |name: &str| {
+        let content = crate::golden_frames::load(name).content;
+        from_hex(content["nonce"].as_str().unwrap()).unwrap()
+    };
+    let (ours, theirs) = (nonce("hello"), nonce("challenge"));
+    for golden in load_all(&[FrameType::Challenge, FrameType::Proof]) {
+        let (role, other) = match golden.kind {
+            FrameType::Challenge => (Role::Trainer, Role::Engine),
+            _ => (Role::Engine, Role::Trainer),
+        };
+        let proof = make_proof(&golden.token, role, &ours, &theirs);
+        assert_eq!(golden.content["proof"], to_hex(&proof), "{}", golden.name);
+        assert!(is_proof(&proof, &golden.token, role, &ours, &theirs));
+        assert!(!is_proof(&proof, &golden.token, other, &ours, &theirs));
+        assert!(!is_proof(&proof, "another token", role, &ours, &theirs));
+        assert!(!is_proof(&proof, &golden.token, role, &theirs, &ours));
+        assert!(!is_proof(
+            &[0; NONCE_BYTES],
+            &golden.token,
+            role,
+            &ours,
+            &theirs
+        ));
+    }
+    for text in [
+        "",
+        "0",
+        &"0".repeat(62),
+        &"0".repeat(66),
+        &"g".repeat(64),
+        &"+f".repeat(32),
+    ] {
+        assert_eq!(from_hex(text), None, "{text}");
+    }
 }
 
 #[test]

@@ -18,6 +18,8 @@ pub struct Golden {
     pub content: Value,
     /// The whole frame.
     pub frame: Vec<u8>,
+    /// The token that a `CHALLENGE` or a `PROOF` proves.
+    pub token: String,
     /// Name of the spec it belongs to.
     pub spec: Option<String>,
 }
@@ -49,6 +51,7 @@ pub fn load(name: &str) -> Golden {
         name: name.to_owned(),
         kind: *FrameType::ALL.iter().find(is_named).expect("known type"),
         content: described["content"].clone(),
+        token: described["token"].as_str().unwrap_or_default().to_owned(),
         frame: fs::read(folder().join(format!("{name}.bin"))).expect("frame"),
         spec: described["spec"].as_str().map(str::to_owned),
     }

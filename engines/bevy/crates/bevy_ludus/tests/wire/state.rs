@@ -7,6 +7,8 @@ use std::collections::HashMap;
 fn ways() -> Vec<(State, Vec<(bool, FrameType)>)> {
     let ready = vec![
         (true, FrameType::Hello),
+        (false, FrameType::Challenge),
+        (true, FrameType::Proof),
         (false, FrameType::Welcome),
         (true, FrameType::Spec),
     ];
@@ -14,7 +16,9 @@ fn ways() -> Vec<(State, Vec<(bool, FrameType)>)> {
     vec![
         (State::Connected, vec![]),
         (State::Greeted, ready[..1].to_vec()),
-        (State::Configured, ready[..2].to_vec()),
+        (State::Challenged, ready[..2].to_vec()),
+        (State::Proven, ready[..3].to_vec()),
+        (State::Configured, ready[..4].to_vec()),
         (State::Ready, ready.clone()),
         (State::Stepping, after(&[(false, FrameType::Reset)])),
         (State::Calling, after(&[(false, FrameType::Call)])),
@@ -44,7 +48,12 @@ fn table() -> HashMap<(State, bool, FrameType), State> {
     HashMap::from([
         ((State::Connected, true, FrameType::Hello), State::Greeted),
         (
-            (State::Greeted, false, FrameType::Welcome),
+            (State::Greeted, false, FrameType::Challenge),
+            State::Challenged,
+        ),
+        ((State::Challenged, true, FrameType::Proof), State::Proven),
+        (
+            (State::Proven, false, FrameType::Welcome),
             State::Configured,
         ),
         ((State::Configured, true, FrameType::Spec), State::Ready),
@@ -85,7 +94,7 @@ fn every_frame_in_every_state() {
 
 #[test]
 fn a_step_needs_a_reset_first() {
-    let (_, way) = ways().swap_remove(3);
+    let (_, way) = ways().swap_remove(5);
     let mut state = conversation(&way);
     assert_eq!(
         state.receive(FrameType::Step),
