@@ -16,7 +16,7 @@ fn the_game_is_described() {
     let hello = &session.trainer.hello;
     assert_eq!(
         (hello.engine.name.as_str(), hello.protocol.max),
-        ("bevy", 1)
+        ("bevy", 2)
     );
     let spec = &session.spec;
     assert_eq!(
