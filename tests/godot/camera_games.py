@@ -59,19 +59,19 @@ func paint(box: MeshInstance, colour: Color) -> void:
 	box.material_override = material
 func count_frame() -> void:
 	num_frames += 1
-func get_num_frames() -> int:
+func ludus_get_num_frames() -> int:
 	return num_frames
-func add_box() -> void:
+func ludus_add_box() -> void:
 	var box := MeshInstance.new()
 	box.mesh = $Box.mesh
 	paint(box, Color(0, 0, 1))
 	add_child(box)
 	box.translation = Vector3(1, -0.6, -3)
-func move_box(x: float) -> void:
+func ludus_move_box(x: float) -> void:
 	$Box.translation.x = x
-func refresh() -> void:
+func ludus_refresh() -> void:
 	$Eye.refresh()
-func see() -> Array:
+func ludus_see() -> Array:
 	return Array($Eye.get_pixels())
 func apply_action(action: int) -> void:
 	$Box.translation.x = 1.0 if action == 1 else -1.0

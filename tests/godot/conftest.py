@@ -39,24 +39,24 @@ GAME = """\
 extends Node
 var steps := 0
 var fault := ""
-func is_now(name: String) -> bool:
+func ludus_is(name: String) -> bool:
 	return fault == name and steps == 3
 func apply_action(_action: int) -> void:
-	if is_now("apply_action"):
+	if ludus_is("apply_action"):
 		var nobody: Node = null
 		nobody.queue_free()
-	while is_now("hang"):
+	while ludus_is("hang"):
 		pass
 func get_observation() -> Variant:
-	if is_now("get_observation"):
+	if ludus_is("get_observation"):
 		var nothing: Variant = null
 		return nothing.size()
-	if is_now("size"):
+	if ludus_is("size"):
 		return PackedFloat32Array([1.0])
-	return {"steps": [steps], "rays": PackedFloat32Array([1, NAN if is_now("nan") else 2.0, 3])}
+	return {"steps": [steps], "rays": PackedFloat32Array([1, NAN if ludus_is("nan") else 2.0, 3])}
 func get_reward() -> float:
 	steps += 1
-	return INF if is_now("reward") else 1.0
+	return INF if ludus_is("reward") else 1.0
 func is_done() -> bool:
 	return false
 func reset() -> void:

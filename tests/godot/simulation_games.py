@@ -61,6 +61,7 @@ func max_episode_steps() -> int:
 	return 5
 func create() -> void:
 	created += 1
+	world.callable_methods = ["count_episodes"]
 	world.rng.randf()
 func begin_episode() -> void:
 	ticks = 0

@@ -171,7 +171,7 @@ def test_pictures_are_equal_to_the_bit(session: EngineSession) -> None:
 
 def test_a_node_that_comes_later_is_seen_in_its_world_only(session_3d: EngineSession) -> None:
     reset(session_3d)
-    session_3d.call({"world": 0}, "add_box")
+    session_3d.call({"world": 0}, "ludus_add_box")
     pictures = step(session_3d, STAY, STAY, STAY).observation["eye"]
     assert colours_in(pictures[0]) == {COLOURS[0], BLUE}
     assert colours_in(pictures[1]) == {COLOURS[1]}
@@ -181,17 +181,17 @@ def test_a_node_that_comes_later_is_seen_in_its_world_only(session_3d: EngineSes
 def test_a_picture_is_no_frame_of_the_game(session_3d: EngineSession) -> None:
     reset(session_3d)
     step(session_3d, STAY, STAY, STAY)
-    assert session_3d.call({"world": 0}, "get_num_frames") == 0
+    assert session_3d.call({"world": 0}, "ludus_get_num_frames") == 0
 
 
 def test_refresh_shows_what_moved_between_ticks(session_3d: EngineSession) -> None:
     world = {"world": 0}
     reset(session_3d)
-    before = session_3d.call(world, "see")
-    session_3d.call(world, "move_box", [0.8])
-    assert session_3d.call(world, "see") == before
-    session_3d.call(world, "refresh")
-    after = np.array(session_3d.call(world, "see"), np.uint8).reshape(HEIGHT, WIDTH, 3)
+    before = session_3d.call(world, "ludus_see")
+    session_3d.call(world, "ludus_move_box", [0.8])
+    assert session_3d.call(world, "ludus_see") == before
+    session_3d.call(world, "ludus_refresh")
+    after = np.array(session_3d.call(world, "ludus_see"), np.uint8).reshape(HEIGHT, WIDTH, 3)
     assert centre_of(after)[1] > 0.6
 
 

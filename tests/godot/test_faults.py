@@ -175,7 +175,7 @@ def test_a_call_that_fails_is_not_fatal(game: Game) -> None:
     session = game.open()
     reset(session)
     target = {"world": 0, "agent": "Cart/LudusAgent"}
-    assert session.call(target, "is_now", ["hang"]) is False
+    assert session.call(target, "ludus_is", ["hang"]) is False
     with pytest.raises(GameError, match="no method fly"):
         session.call(target, "fly")
     with pytest.raises(GameError, match="no world or agent"):

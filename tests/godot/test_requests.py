@@ -52,7 +52,7 @@ func _ready() -> void:
 	Ludus.policy_mode_changed.connect(_on_policy_mode_changed)
 func _on_policy_mode_changed(policy: String, mode: LudusBridge.PolicyMode) -> void:
 	heard.append([policy, mode])
-func ask(what: String, policy: String = "") -> bool:
+func ludus_ask(what: String, policy: String = "") -> bool:
 	match what:
 		"save":
 			return Ludus.save_checkpoint()
@@ -60,13 +60,13 @@ func ask(what: String, policy: String = "") -> bool:
 			return get_node("/root/Ludus").stop_training()
 		_:
 			return Ludus.set_policy_mode(policy, LudusBridge.PolicyMode.get(what))
-func get_heard() -> Array:
+func ludus_get_heard() -> Array:
 	return heard
 func apply_action(_action: int) -> void:
 	steps += 1
 	if steps == world.parameters.get("ask_at", -1):
-		assert(ask("FROZEN", "hero"))
-		assert(ask("save"))
+		assert(ludus_ask("FROZEN", "hero"))
+		assert(ludus_ask("save"))
 func get_observation() -> Array:
 	return [steps]
 func get_reward() -> float:
@@ -91,7 +91,7 @@ func _on_training_status(status: Dictionary) -> void:
 	heard.append(status)
 func _on_policy_mode_changed(policy: String, mode: int) -> void:
 	heard.append([policy, mode])
-func ask(what: String, policy: String = "") -> bool:
+func ludus_ask(what: String, policy: String = "") -> bool:
 	match what:
 		"save":
 			return Ludus.save_checkpoint()
@@ -99,13 +99,13 @@ func ask(what: String, policy: String = "") -> bool:
 			return get_node("/root/Ludus").stop_training()
 		_:
 			return Ludus.set_policy_mode(policy, LudusBridge.PolicyMode[what])
-func get_heard() -> Array:
+func ludus_get_heard() -> Array:
 	return heard
 func apply_action(_action: int) -> void:
 	steps += 1
 	if steps == LudusWorld.of(self).parameters.get("ask_at", -1):
-		assert(ask("FROZEN", "hero"))
-		assert(ask("save"))
+		assert(ludus_ask("FROZEN", "hero"))
+		assert(ludus_ask("save"))
 func get_observation() -> Array:
 	return [steps]
 func get_reward() -> float:
@@ -118,7 +118,7 @@ func reset() -> void:
 
 # Asks as soon as it is there, before the trainer knows the spec.
 READY = "func _ready() -> void:\n"
-READY_AND_EAGER = READY + '\tprint("ready, asked: ", ask("DETERMINISTIC", "target"))\n'
+READY_AND_EAGER = READY + '\tprint("ready, asked: ", ludus_ask("DETERMINISTIC", "target"))\n'
 
 HEAD = """\
 [gd_scene load_steps=2 format=3]
@@ -142,12 +142,12 @@ ticks_per_step = 1
 # A node that the trainer may call, to reach what the page shows.
 READER = """\
 extends LudusAgent
-func press(action_name: StringName) -> void:
+func ludus_press(action_name: StringName) -> void:
 	var event := InputEventAction.new()
 	event.action = action_name
 	event.pressed = true
 	get_node("../Shown")._unhandled_key_input(event)
-func get_text() -> String:
+func ludus_get_text() -> String:
 	return get_node("../Shown").text
 """
 
@@ -257,9 +257,9 @@ def test_every_request(open_game: Open) -> None:
     session = open_game()
     reset(session)
     for mode in MODES:
-        assert session.call(HERO, "ask", [mode.upper(), "target"]) is True
-    assert session.call(HERO, "ask", ["save"]) is True
-    assert session.call(HERO, "ask", ["stop"]) is True
+        assert session.call(HERO, "ludus_ask", [mode.upper(), "target"]) is True
+    assert session.call(HERO, "ludus_ask", ["save"]) is True
+    assert session.call(HERO, "ludus_ask", ["stop"]) is True
     assert not session.has_requests, "no answer to a step has told of it yet"
     step(session)
     assert session.take_requests() == [
@@ -280,7 +280,7 @@ def test_a_policy_that_is_none(open_game: Open, tmp_path: Path) -> None:
     log = tmp_path / "engine.log"
     session = open_game(log=log)
     reset(session)
-    assert session.call(HERO, "ask", ["FROZEN", "villain"]) is False
+    assert session.call(HERO, "ludus_ask", ["FROZEN", "villain"]) is False
     step(session)
     assert not session.has_requests
     session.close()
@@ -304,10 +304,10 @@ def test_the_game_hears_how_training_goes(open_game: Open) -> None:
     }
     session.show_status(later)
     train, frozen = MODES.index("train"), MODES.index("frozen")
-    heard = session.call(HERO, "get_heard")
+    heard = session.call(HERO, "ludus_get_heard")
     assert heard == [["hero", frozen], ["target", train], STATUS, ["hero", train], later]
     step(session, 3)
-    assert session.call(HERO, "get_heard") == heard
+    assert session.call(HERO, "ludus_get_heard") == heard
 
 
 def test_the_golden_status_is_heard(open_game: Open) -> None:
@@ -315,7 +315,7 @@ def test_the_golden_status_is_heard(open_game: Open) -> None:
     reset(session)
     status = load("call_show_status").content["arguments"][0]
     session.show_status(status)
-    assert session.call(HERO, "get_heard")[-1] == status
+    assert session.call(HERO, "ludus_get_heard")[-1] == status
 
 
 REFUSED: list[tuple[str, list[Any], str]] = [
@@ -348,7 +348,7 @@ def test_a_trainer_that_takes_no_requests(
     session = open_game("eager", log=log)
     reset(session)
     for what in ("save", "stop", "FROZEN"):
-        assert session.call(HERO, "ask", [what, "hero"]) is False
+        assert session.call(HERO, "ludus_ask", [what, "hero"]) is False
     step(session)
     assert not session.has_requests
     session.close()
@@ -388,7 +388,7 @@ def test_many_engines(project: Path) -> None:
             pool.show_status(STATUS)
         assert [len(requests) for requests in taken] == [0, 2, 0]
         # Two signals with the first status, then one with each.
-        assert [len(heard) for heard in pool.call(HERO, "get_heard")] == [5, 5]
+        assert [len(heard) for heard in pool.call(HERO, "ludus_get_heard")] == [5, 5]
 
 
 def test_an_engine_that_is_killed_between_two_steps(project: Path) -> None:
@@ -408,7 +408,7 @@ def test_an_engine_that_is_killed_between_two_steps(project: Path) -> None:
         pool.step(zeros(pool))
         assert len(pool.take_requests()) == 2, "engine 1 has asked in its own second step"
         pool.show_status(STATUS)
-        assert [len(heard) for heard in pool.call(HERO, "get_heard")] == [4, 3]
+        assert [len(heard) for heard in pool.call(HERO, "ludus_get_heard")] == [4, 3]
 
 
 @pytest.mark.parametrize("kind", [EngineKind.GODOT4], indirect=True)  # what the page is about
@@ -416,9 +416,17 @@ def test_the_example_of_the_page(open_game: Open) -> None:
     session = open_game("reader")
     reset(session)
     session.show_status(STATUS)
-    assert session.call(HERO, "get_text") == "4096 steps, hero (frozen): -1.5"
-    session.call(HERO, "press", ["ui_accept"])
-    session.call(HERO, "press", ["ui_cancel"])
+    assert session.call(HERO, "ludus_get_text") == "4096 steps, hero (frozen): -1.5"
+    session.call(HERO, "ludus_press", ["ui_accept"])
+    session.call(HERO, "ludus_press", ["ui_cancel"])
     step(session)
     frozen = {"kind": "set_mode", "policy": "hero", "mode": "frozen"}
     assert session.take_requests() == [frozen, {"kind": "stop"}]
+
+
+@pytest.mark.parametrize("kind", [EngineKind.GODOT4], indirect=True)
+def test_other_methods_of_a_node_are_out_of_reach(open_game: Open) -> None:
+    session = open_game()
+    for method in ("queue_free", "set_script", "apply_action"):
+        with pytest.raises(GameError, match=f"does not let trainers call {method}"):
+            session.call(HERO, method, [])

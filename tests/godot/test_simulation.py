@@ -130,6 +130,8 @@ def test_calls_reach_the_simulation(project: Path) -> None:
     assert session.call({"world": 0}, "count_episodes", [7]) == 7
     with pytest.raises(LudusError, match=r"rounds\.gd has no method nothing"):
         session.call({"world": 0}, "nothing")
+    with pytest.raises(LudusError, match=r"does not let trainers call advance: .*ludus_"):
+        session.call({"world": 0}, "advance")
     session.close()
 
 

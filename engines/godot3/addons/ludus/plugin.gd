@@ -6,13 +6,7 @@ const AUTOLOAD_NAME := "Ludus"
 const BRIDGE_PATH := "res://addons/ludus/ludus_bridge.gd"
 
 
-## A plugin that was switched on in the project file, by [code]ludus addon install[/code], never
-## gets [method enable_plugin].
-func _enter_tree() -> void:
-	if not ProjectSettings.has_setting("autoload/" + AUTOLOAD_NAME):
-		add_autoload_singleton(AUTOLOAD_NAME, BRIDGE_PATH)
-
-
+## Not when the editor starts: a person who has deleted the autoload knows why.
 func enable_plugin() -> void:
 	add_autoload_singleton(AUTOLOAD_NAME, BRIDGE_PATH)
 

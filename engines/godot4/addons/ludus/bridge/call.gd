@@ -14,6 +14,10 @@ const TAKE_REQUESTS_METHOD := "take_requests"
 const SHOW_STATUS_METHOD := "show_status"
 const STAND_BY_METHOD := "stand_by"
 const PICTURE_METHOD := "picture"
+## Methods of an agent that Ludus itself calls.
+const AGENT_METHODS: PackedStringArray = ["get_manual_action"]
+## Methods of the game whose names begin so may be called.
+const PREFIX := "ludus_"
 
 var _message: Dictionary = {}
 
@@ -88,9 +92,22 @@ func answer(game: LudusGame) -> PackedByteArray:
 			result["error"] = complaint
 	elif not callee.has_method(method):
 		result["error"] = "%s has no method %s" % [_name_of(callee), method]
+	elif not _is_reachable(method, game.find_world(_target())):
+		result["error"] = (
+			(
+				"%s does not let trainers call %s: begin its name with %s, or add it to "
+				+ "LudusWorld.callable_methods"
+			)
+			% [_name_of(callee), method, PREFIX]
+		)
 	else:
 		result["value"] = callee.callv(method, _arguments())
 	return LudusWire.json_frame(LudusWire.Type.RESULT, result)
+
+
+## Whether the game lets trainers call a method, so that a connection is not a way to all of Godot.
+static func _is_reachable(method: String, world: LudusWorld) -> bool:
+	return method.begins_with(PREFIX) or method in AGENT_METHODS or method in world.callable_methods
 
 
 static func _name_of(callee: Object) -> String:

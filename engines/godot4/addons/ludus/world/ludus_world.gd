@@ -48,6 +48,10 @@ const EPISODE_FACTOR := -4658895280553007687
 ## Slots kept free for agents that join later: policy name to count.
 @export var spare_slots: Dictionary[String, int] = {}
 
+## Methods of the scene's root and of agents' nodes that Python may call, beside those whose names
+## begin with [code]ludus_[/code].
+@export var callable_methods: PackedStringArray = []
+
 ## The world's random stream. Use nothing else for randomness in the game.
 var rng := RandomNumberGenerator.new()
 ## What the trainer chose for this world, by name; survives from episode to episode.
