@@ -13,7 +13,8 @@ class ExportConfig:
     """What to export, and where to.
 
     Attributes:
-        run: Run folder, or one of its checkpoints; or a model of Stable-Baselines3 (.zip).
+        run: Run folder, or one of its checkpoints; or a model of Stable-Baselines3 (.zip), or a
+            checkpoint of godot-ai (.pt).
         policy: Export only this policy; all if not given.
         to: A file, if there is one policy; a folder; or a pattern such as models/{policy}.onnx.
             If not given, .ludus.json files in the run's folder.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from ludus.errors import RunError, SetupError, TargetError
 from ludus.export.config import ExportConfig
 from ludus.export.convert import outline, to_model
 from ludus.export.engines import BevyGame
+from ludus.export.godot_ai_file import load_godot_ai
 from ludus.export.parity import (
     ParityReport,
     PolicyFiles,
@@ -31,6 +32,10 @@ from ludus.settings.train_config import TrainConfig
 from ludus.target import Executable, Scene, Target, parse_target, prepare
 
 __all__ = ["ExportConfig", "Exported", "export_policies", "write_policies"]
+
+
+PT = ".pt"
+"""How checkpoints of godot-ai end."""
 
 
 @dataclass(frozen=True)
@@ -69,18 +74,32 @@ def export_policies(
     """
     if config.to is not None:
         check_place(config.to)
+    if config.run.suffix == PT and config.run.is_file():
+        return _export(
+            [load_godot_ai(config.run, config.run.stem)], config, config.run.parent, None
+        )
     trained = load_trained(config.run, config.checkpoint, config.policy, networks)
     folder = RunFolder.find(config.run)
+    return _export(trained, config, folder.path, folder.read_config())
+
+
+def _export(
+    trained: Sequence[TrainedPolicy],
+    config: ExportConfig,
+    folder: Path,
+    settings: TrainConfig | None,
+) -> list[Exported]:
+    """Write policies: into ``folder`` unless told otherwise, tested in the game of ``settings``."""
     models = {one.spec.name: _model(one) for one in trained}
     others = [name for name, model in models.items() if model is None]
-    places = place_files(list(models), config.to, folder.path, others)
+    places = place_files(list(models), config.to, folder, others)
     for one, place in zip(trained, places, strict=True):
         if one.spec.name in others and format_of(place) == JSON:
             to_model(one.policy, one.spec)  # says why that is impossible
     formats = {format_of(place) for place in places}
     engine = None
     if config.is_tested:
-        engine = _find_engine(formats, config.godot, folder.read_config())
+        engine = _find_engine(formats, config.godot, settings or TrainConfig())
     with tempfile.TemporaryDirectory(prefix="ludus-export-") as name:
         staged: list[tuple[PolicyFiles, ParityReport | None]] = []
         for index, one in enumerate(trained):

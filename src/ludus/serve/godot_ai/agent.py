@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -14,15 +15,16 @@ from ludus.algorithms.learner import LearnerSettings
 from ludus.algorithms.learners import policy_seed
 from ludus.algorithms.replay import Sample
 from ludus.algorithms.sac import LOSS_METRICS, MAX_STEPS_AT_ONCE, SAC
-from ludus.errors import ConfigError
+from ludus.errors import CheckpointError, ConfigError
+from ludus.export.godot_ai_file import STATE, GodotAiCheckpoint, godot_ai_spec
 from ludus.networks.policy import Policy
 from ludus.networks.tensors import as_tensor
 from ludus.settings.train_config import SACConfig
-from ludus.spec import AgentSpec, ContinuousAction, ObservationEntry, PolicySpec
+from ludus.spec import PolicySpec
 
 __all__ = ["ENTRY", "Agent", "AgentSettings"]
 
-ENTRY = "state"
+ENTRY = STATE
 """The one entry of what an agent observes."""
 
 MAX_REPLAY_BYTES = 16 << 30
@@ -77,12 +79,7 @@ class AgentSettings:
 
     def spec(self) -> PolicySpec:
         """Return what it observes and does."""
-        return PolicySpec(
-            name=self.name,
-            observation=(ObservationEntry(ENTRY, "float32", (self.state_size,)),),
-            action=(ContinuousAction("action", self.action_size),),
-            agents=(AgentSpec(0, None),),
-        )
+        return godot_ai_spec(self.name, self.state_size, self.action_size)
 
     def config(self) -> SACConfig:
         """Return the settings of SAC; those that a game does not say are godot-ai's."""
@@ -149,6 +146,30 @@ class Agent:
             policy.head.fill_noise(noise, self._generator)
         _, continuous = policy.head.sample(outputs, noise)
         return policy.head.to_bounds(continuous).cpu().numpy()
+
+    def take_networks(self, saved: GodotAiCheckpoint, path: Path) -> None:
+        """Go on from what godot-ai's own server has trained; optimisers begin anew.
+
+        Raises:
+            CheckpointError: It was trained with other sizes than the game says.
+        """
+        sizes = {
+            "state_size": "state_dim",
+            "action_size": "action_dim",
+            "hidden_size": "hidden_size",
+            "num_actor_layers": "num_actor_layers",
+            "num_critic_layers": "num_critic_layers",
+        }
+        for name, theirs in sizes.items():
+            was, expected = getattr(saved, name), getattr(self.settings, name)
+            if was != expected:
+                raise CheckpointError(
+                    f"{path} was trained with {theirs} {was}, and the game says {expected}",
+                    f"let the game say {was}, or move the file away to start over",
+                )
+        state = self.sac.state()
+        state.tensors.update(saved.tensors)
+        self.sac.load_state(state)
 
     def add(self, transitions: Sample) -> None:
         """Take transitions to learn from."""

@@ -11,6 +11,7 @@ import torch
 
 from ludus.errors import CheckpointError, DivergenceError, LudusError
 from ludus.export.convert import to_model
+from ludus.export.godot_ai_file import read_godot_ai
 from ludus.model.json_file import write_model
 from ludus.networks.tensors import to_numbers
 from ludus.serve.godot_ai.agent import Agent, AgentSettings
@@ -21,6 +22,8 @@ __all__ = ["Agents"]
 
 log = logging.getLogger(__name__)
 
+GODOT_AI_FOLDER = "checkpoints"
+"""Where godot-ai's own server saves, in the project."""
 ACTOR = "actor."
 GODOT_AI_ACTOR = "network.network."
 """What parameters of the actor are called here, and in a policy file of godot-ai."""
@@ -42,6 +45,7 @@ class Agents:
         self._checkpoints = AgentCheckpoints(files.folder, seed)
         self._agents: dict[str, Agent] = {}
         self._saved_steps: dict[str, int] = {}
+        self._began_with: dict[str, Path] = {}
 
     @property
     def lock(self) -> Path:
@@ -68,21 +72,31 @@ class Agents:
             self._save_unsaved(before)
         self._agents[settings.name] = Agent(settings, self._seed, self._device)
         self._saved_steps.pop(settings.name, None)
+        self._began_with.pop(settings.name, None)
 
     def load(self, name: str) -> bool:
         """Go on from the newest checkpoint; return whether there is one.
 
-        An agent that has more to it than the checkpoint stays as it is.
+        Where Ludus has none, that of godot-ai's own server is taken, ``checkpoints/NAME.pt``. An
+        agent that has more to it than the checkpoint stays as it is.
 
         Raises:
             CheckpointError: It cannot be loaded, or was saved with other settings.
         """
         agent = self._agents[name]
-        if not self._checkpoints.exists(name):
-            return False
+        theirs = self._files.root / GODOT_AI_FOLDER / f"{name}.pt"
+        has_own = self._checkpoints.exists(name)
         if agent.num_transitions or agent.num_steps:
             log.info("%s: goes on from %d gradient steps", name, agent.num_steps)
             return True
+        if not has_own and not theirs.is_file():
+            return False
+        if not has_own:
+            self._agents[name] = self._loaded_from(theirs, agent.settings)
+            log.info("%s: loaded from %s, which godot-ai wrote", name, theirs)
+            return True
+        if theirs.is_file():
+            log.info("%s: %s is left alone, as a later checkpoint is there", name, theirs)
         self._agents[name] = self._loaded(agent.settings)
         log.info("%s: loaded, %d gradient steps", name, self._agents[name].num_steps)
         return True
@@ -163,11 +177,26 @@ class Agents:
         self._saved_steps[settings.name] = agent.num_steps
         return agent
 
+    def _loaded_from(self, path: Path, settings: AgentSettings) -> Agent:
+        """Return a new agent with the networks that godot-ai's own server has saved."""
+        agent = Agent(settings, self._seed, self._device)
+        try:
+            agent.take_networks(read_godot_ai(path), path)
+        except CheckpointError as error:
+            raise CheckpointError(
+                f"{settings.name} starts over: {error.message}", error.hint
+            ) from None
+        self._began_with[settings.name] = path
+        return agent
+
     def _recovered(self, agent: Agent) -> Agent:
-        if agent.settings.name in self._saved_steps:
-            try:
+        name = agent.settings.name
+        try:
+            if name in self._saved_steps:
                 return self._loaded(agent.settings)
-            except LudusError as error:
-                log.error("%s", error)
+            if name in self._began_with:
+                return self._loaded_from(self._began_with[name], agent.settings)
+        except LudusError as error:
+            log.error("%s", error)
         self._saved_steps.pop(agent.settings.name, None)
         return Agent(agent.settings, self._seed, self._device)
