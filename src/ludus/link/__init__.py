@@ -1,6 +1,6 @@
 """Sockets with deadlines."""
 
-from ludus.link.byte_stream import ByteStream, connect_until
+from ludus.link.byte_stream import ByteStream, connect_until, refuse_stranger
 from ludus.link.door import Door
 from ludus.link.guest import Guest, is_closed_by_peer
 from ludus.link.peer import is_strangers, listener_is_strangers
@@ -29,4 +29,5 @@ __all__ = [
     "is_strangers",
     "listen_tcp",
     "listener_is_strangers",
+    "refuse_stranger",
 ]

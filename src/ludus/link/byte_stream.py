@@ -9,11 +9,12 @@ import sys
 import time
 from collections.abc import Callable
 
-from ludus.errors import EngineTimeout
+from ludus.errors import EngineStartError, EngineTimeout
 from ludus.link.busy_poller import BusyPoller
-from ludus.link.sockets import LinkClosed
+from ludus.link.peer import listener_is_strangers
+from ludus.link.sockets import LinkClosed, is_loopback
 
-__all__ = ["ByteStream", "connect_until"]
+__all__ = ["ByteStream", "connect_until", "refuse_stranger"]
 
 _READ_BYTES = 1 << 16
 _POLL_S = 0.25
@@ -172,3 +173,17 @@ def connect_until(address: tuple[str, int], timeout_s: float, check: Check) -> s
                     f"no game listened at {host}:{port} within {timeout_s:g} s ({error})"
                 ) from error
             time.sleep(min(_RETRY_S, left_s))
+
+
+def refuse_stranger(address: tuple[str, int]) -> None:
+    """Check that it is a program of this user that listens at an address of this machine.
+
+    Raises:
+        EngineStartError: It is another user's, and the system tells so.
+    """
+    host, port = address
+    if is_loopback(host) and listener_is_strangers(port):
+        raise EngineStartError(
+            f"what listens at {host}:{port} is another user's program",
+            hint="choose another port, or have that program ended",
+        )

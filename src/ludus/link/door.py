@@ -54,6 +54,11 @@ class Door:
             listener.setblocking(False)
             self._selector.register(listener, selectors.EVENT_READ)
 
+    @property
+    def num_pending(self) -> int:
+        """How many are at the door."""
+        return len(self._pending)
+
     def await_guests(self, timeout_s: float = POLL_S) -> list[Guest]:
         """Wait a moment; return those that have proved themselves, who are the caller's now."""
         proven: list[Guest] = []

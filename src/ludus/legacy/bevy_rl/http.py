@@ -13,7 +13,7 @@ from ludus.engine import num_cores
 from ludus.errors import EngineCrashed, EngineStartError, EngineTimeout, ProtocolError
 from ludus.legacy.conversation import Conversation, Patience
 from ludus.legacy.launching import GameWatch
-from ludus.link import ByteStream, connect_until
+from ludus.link import ByteStream, connect_until, refuse_stranger
 
 __all__ = ["HttpConversation", "HttpFraming", "Response"]
 
@@ -113,7 +113,7 @@ class HttpConversation(Conversation[Response]):
         timeout_s: How long an answer may take, seconds.
 
     Raises:
-        EngineStartError: Nobody listens.
+        EngineStartError: Nobody listens, or another user's program.
     """
 
     def __init__(self, address: tuple[str, int], start_timeout_s: float, timeout_s: float) -> None:
@@ -128,6 +128,7 @@ class HttpConversation(Conversation[Response]):
             gone_hint="start the program again; what it printed says why it ended",
         )
         stream = self._connect(start_timeout_s)
+        refuse_stranger(address)
         super().__init__(stream, self._http, GameWatch(None), patience)
 
     def request(self, verb: str, path: str, body: bytes = b"") -> bytes:

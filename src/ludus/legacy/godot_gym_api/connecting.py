@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from ludus.errors import ConfigError, EngineStartError, EngineTimeout, ProtocolError
 from ludus.legacy.conversation import Conversation, Patience
 from ludus.legacy.launching import GameLaunch
-from ludus.link import ByteStream, connect_until
+from ludus.link import ByteStream, connect_until, refuse_stranger
 
 __all__ = [
     "ConnectionSettings",
@@ -113,6 +113,7 @@ def open_conversation(settings: ConnectionSettings) -> tuple[Conversation[bytes]
         watch = settings.start((f"--ludus-port={port}",))
         try:
             connection = connect_until((host, port), settings.start_timeout_s, watch.check_alive)
+            refuse_stranger((host, port))
         except EngineTimeout as error:
             report = watch.report()
             watch.close()

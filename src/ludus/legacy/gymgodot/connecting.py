@@ -12,15 +12,17 @@ from ludus.errors import EngineCrashed, EngineStartError, EngineTimeout, Protoco
 from ludus.legacy.conversation import Conversation, Patience
 from ludus.legacy.gymgodot.framing import WebSocketFraming
 from ludus.legacy.launching import GameLaunch, GameWatch
-from ludus.link import ByteStream, LinkClosed, listen_tcp
+from ludus.link import ByteStream, LinkClosed, is_strangers, listen_tcp
 
 __all__ = ["DEFAULT_RENDER_PATH", "Address", "open_conversation"]
 
 DEFAULT_RENDER_PATH = "./render_frames/"
 """Where the game saves frames unless told otherwise; as seen from the game's working folder."""
 
-_POLL_S = 0.1
+_POLL_S = 0.01
 _HANDSHAKE_S = 5.0
+_MAX_GUESTS = 64
+"""Where more shake hands at once, who has been there longest has to go: a game takes no time."""
 _NO_SCREEN = "Display is not available"
 _SILENCE_HINT = (
     "a game that is paused or hangs never answers; if a step really takes longer, raise "
@@ -93,25 +95,28 @@ def _listen(host: str, port: int) -> socket.socket:
 def _await_game(
     listener: socket.socket, address: Address, watch: GameWatch
 ) -> tuple[ByteStream, WebSocketFraming]:
-    """Wait for a game; other clients are disconnected."""
+    """Wait for a game; other clients are disconnected, and none keeps the game waiting."""
     deadline = time.monotonic() + address.start_timeout_s
     refused = ""
-    listener.settimeout(_POLL_S)
-    while time.monotonic() < deadline:
-        _check_alive(watch)
-        with contextlib.suppress(TimeoutError, ConnectionError):
-            stream = ByteStream(listener.accept()[0])
-            framing = WebSocketFraming(address.max_message_bytes)
-            try:
-                _shake_hands(stream, framing, deadline, watch.check_alive)
-            except (ProtocolError, EngineTimeout, LinkClosed) as error:
-                refused = f"; what did connect was no game: {error}"
-                stream.close()
-            except BaseException:
-                stream.close()
-                raise
-            else:
-                return stream, framing
+    guests: list[_Guest] = []
+    listener.setblocking(False)
+    try:
+        while time.monotonic() < deadline:
+            _check_alive(watch)
+            refused = _accept(listener, address, guests) or refused
+            for guest in list(guests):
+                try:
+                    if guest.has_shaken_hands(watch.check_alive):
+                        guests.remove(guest)
+                        return guest.stream, guest.framing
+                except (ProtocolError, EngineTimeout, LinkClosed) as error:
+                    refused = f"; what did connect was no game: {error}"
+                    guests.remove(guest)
+                    guest.stream.close()
+            time.sleep(_POLL_S)
+    finally:
+        for guest in guests:
+            guest.stream.close()
     raise EngineStartError(
         f"no game connected within {address.start_timeout_s:g} s{refused} at "
         f"{address.host}:{listener.getsockname()[1]}{watch.report()}",
@@ -120,12 +125,37 @@ def _await_game(
     )
 
 
-def _shake_hands(
-    stream: ByteStream, framing: WebSocketFraming, deadline: float, check: Callable[[], None]
-) -> None:
-    deadline = min(deadline, time.monotonic() + _HANDSHAKE_S)
-    while framing.is_connecting:
-        stream.send(framing.feed(stream.receive(deadline, check)), _HANDSHAKE_S)
+def _accept(listener: socket.socket, address: Address, guests: list[_Guest]) -> str:
+    """Take in who has connected; return why one was turned away, if any was."""
+    try:
+        connection, _ = listener.accept()
+    except (BlockingIOError, ConnectionError):
+        return ""
+    if is_strangers(connection):
+        connection.close()
+        return "; what did connect was another user's program"
+    guests.append(_Guest(ByteStream(connection), WebSocketFraming(address.max_message_bytes)))
+    if len(guests) > _MAX_GUESTS:
+        guests.pop(0).stream.close()
+    return ""
+
+
+class _Guest:
+    """One who has connected, and has not shaken hands yet."""
+
+    def __init__(self, stream: ByteStream, framing: WebSocketFraming) -> None:
+        self.stream = stream
+        self.framing = framing
+        self._deadline = time.monotonic() + _HANDSHAKE_S
+
+    def has_shaken_hands(self, check: Callable[[], None]) -> bool:
+        """Answer what has come, without waiting; return whether the handshake is over."""
+        if self.stream.is_readable():
+            data = self.stream.receive(self._deadline, check)
+            self.stream.send(self.framing.feed(data), _HANDSHAKE_S)
+        elif time.monotonic() > self._deadline:
+            raise EngineTimeout("it did not shake hands in time")
+        return not self.framing.is_connecting
 
 
 def _check_alive(watch: GameWatch) -> None:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from ludus.errors import EngineTimeout, LudusError, ProtocolError, SetupError
-from ludus.link import ByteStream, LinkClosed, listen_tcp
+from ludus.link import ByteStream, LinkClosed, is_strangers, listen_tcp
 from ludus.serve.godot_ai.json_stream import JsonStream
 
 __all__ = ["Answering", "Server", "ServerConfig"]
@@ -121,6 +121,10 @@ class Server:
         except OSError as error:  # the client has gone already, or too many files are open
             log.warning("a client could not be accepted: %s", error)
             time.sleep(POLL_S)
+            return None
+        if is_strangers(connection):
+            log.warning("%s:%d was dropped: it is another user's, or gone", *address[:2])
+            connection.close()
             return None
         stream = ByteStream(connection, f"{address[0]}:{address[1]}")
         return _Client(stream, self._config, self._requests, self._is_stopping)
