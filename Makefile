@@ -7,6 +7,7 @@
 # make campaign    random faults against training runs, for MINUTES (1) from SEED (0)
 # make lint        formatters, linters and the type checker of every language
 # make docs        the documentation site, in build/docs; make docs-serve shows it in a browser
+# make addon-zip   the add-on for the Asset Library, one zip for each version of Godot, in build/
 # make bench       the table of docs/benchmarks.md
 # CONTRIBUTING.md says which of them is for what.
 
@@ -36,7 +37,7 @@ ifneq ($(RUSTUP),)
 export RUSTUP_HOME ?= $(RUSTUP)
 endif
 
-.PHONY: setup demo test test-libraries test-fast campaign test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples bench clean
+.PHONY: setup demo test test-libraries test-fast campaign test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples addon-zip bench clean
 .DELETE_ON_ERROR:
 
 setup: .venv/.ready
@@ -176,6 +177,9 @@ docs: setup .venv/.docs-ready
 
 docs-serve: docs
 	$(BIN)/python -m http.server --bind 127.0.0.1 --directory build/docs 8000
+
+addon-zip: .venv/.ready
+	@$(BIN)/python engines/addon_zip.py
 
 bench: setup
 	$(BIN)/python benchmarks/godot4.py
