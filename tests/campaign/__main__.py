@@ -28,14 +28,16 @@ from tests.campaign.trainer import preload
 
 ENGINES = ("godot4", "godot3", "bevy")
 MAX_FINDINGS = 10
-NEEDS_GAME = {"kill-with-game", "kill-engine", "stop-engine", "lies", "policies"}
+NEEDS_GAME = {"kill-with-game", "kill-engine", "stop", "stop-engine", "lies", "policies"}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Play rounds; return 1 if a promise was broken."""
     options = _parse(arguments)
     folder = campaign_folder()
-    targets, left_out = find_targets([name for name in options.engines if name != "gym"], folder)
+    wanted = set(options.faults) or set(FAULTS)
+    engines = [name for name in options.engines if name != "gym" and wanted & NEEDS_GAME]
+    targets, left_out = find_targets(engines, folder)
     faults = _choose_faults(options.faults, targets)
     for reason in left_out:
         _say(f"left out: {reason}")
@@ -134,11 +136,7 @@ def _choose_faults(wanted: Sequence[str], targets: dict[str, str]) -> list[str]:
     if unknown := set(wanted) - FAULTS.keys():
         raise SystemExit(f"there is no fault {unknown.pop()}; faults: {', '.join(FAULTS)}")
     has_game = any(engine in targets for engine in ENGINES)
-    return [
-        name
-        for name in wanted or FAULTS
-        if (has_game or name not in NEEDS_GAME) and (name != "godot-frames" or "godot4" in targets)
-    ]
+    return [name for name in wanted or FAULTS if has_game or name not in NEEDS_GAME]
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:

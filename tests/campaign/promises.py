@@ -78,6 +78,8 @@ def check_resumes(the_round: Round) -> None:
         if whole and not _names_damage(the_round, trainer.text()):
             raise Finding(f"the run does not resume:\n{trainer.text()}")
         _make_good(the_round)
+        if not whole:
+            the_round.run = the_round.run.with_name("another")
         trainer = the_round.finish(resume=bool(whole), total_steps=_little_more(the_round))
     check_ending(trainer, 0)
     result = json.loads((the_round.run / "result.json").read_bytes())
@@ -97,11 +99,11 @@ def _names_damage(the_round: Round, text: str) -> bool:
 
 
 def _make_good(the_round: Round) -> None:
-    """Bring back the damaged files as they were; without any checkpoint, start over."""
-    if not the_round.damaged:
-        the_round.run = the_round.run.with_name("another")
+    """Bring back the damaged files as they were."""
     for file in the_round.damaged:
         backup = the_round.folder / "whole" / file.relative_to(the_round.run)
+        if file.is_dir():
+            file.rmdir()
         if file.parent.is_dir() and backup.exists():
             file.write_bytes(backup.read_bytes())
     the_round.damaged.clear()

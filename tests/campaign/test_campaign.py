@@ -10,7 +10,7 @@ import pytest
 from ludus.runs import checkpoint, run_folder
 from ludus.wire.frames import FrameType
 from tests.campaign.__main__ import draw_fault, play
-from tests.campaign.faults import FAULTS, frames
+from tests.campaign.faults import FAULTS, engine_frames, frames
 from tests.campaign.promises import check_checkpoints, check_nothing_left, check_nothing_ran
 from tests.campaign.rounds import Finding, Round
 from tests.campaign.trainer import preload
@@ -117,6 +117,13 @@ def test_what_is_left_and_what_ran_is_found(a_round: Round) -> None:
     a_round.canary_list.write_text("dill ")
     with pytest.raises(Finding, match="dill"):
         check_nothing_ran(a_round)
+
+
+@pytest.mark.engine
+def test_godot_reads_changed_frames(a_round: Round, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engine_frames, "FRAMES", 2000)
+    engine_frames.fuzz_godot(a_round)
+    assert a_round.counts["frames in Godot"] == 2000
 
 
 def test_the_same_seed_makes_the_same_decisions(tmp_path: Path) -> None:

@@ -141,7 +141,9 @@ func _apply(payload: PackedByteArray) -> bool:
 		is_read = true
 		var offset := 0
 		for batch: LudusPolicyBatch in policies:
-			offset = batch.apply_actions(payload, offset)
+			offset = batch.read_actions(payload, offset)
+			batch.hand_out_actions()
+			batch.error = ""
 			for agent: LudusAgent in batch.agents:
 				if agent != null:
 					agent.set("applied", [] as Array[Variant])
