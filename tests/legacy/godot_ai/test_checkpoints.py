@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,22 @@ def begin(start: Start, *, is_loaded: bool, **changes: Any) -> Client:
     if is_loaded:
         assert client.ask("load", file_name="hero") == DONE
     return client
+
+
+def test_the_console_says_what_godot_ais_said(
+    start: Start, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    first = start()
+    client = first.client()
+    client.init()
+    client.ask("load", file_name="hero")
+    assert "Agent named hero initialized. Replay Capacity: 500" in caplog.text
+    assert "Checkpoint not loaded for: hero (there is none)" in caplog.text
+    learn(client)
+    first.stop()
+    begin(start, is_loaded=True)
+    assert "Checkpoint loaded for hero: 10 gradient steps" in caplog.text
 
 
 def test_a_new_server_goes_on_where_the_last_one_was(start: Start, project: Path) -> None:
@@ -189,6 +206,27 @@ def test_an_agent_is_a_run_that_other_commands_take(start: Start, project: Path)
     config = json.loads((project / FOLDER / "hero/config.json").read_text())
     assert config["policies"]["hero"]["hidden_sizes"] == [24, 24]
     assert config["policies"]["hero"]["critic_hidden_sizes"] == [24, 24, 24]
+
+
+def test_git_leaves_all_but_policies_alone(client: Client) -> None:
+    learn(client)
+    project = client.project
+    subprocess.run(["git", "init", "-q", project], check=True)
+    listed = subprocess.run(
+        ["git", "ls-files", "--others", "--exclude-standard", "AIServerCommFiles"],
+        cwd=project, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert listed.stdout.split() == [
+        "AIServerCommFiles/hero.ludus.json", "AIServerCommFiles/hero_policy.json"
+    ]  # fmt: skip
+
+
+def test_a_gitignore_of_the_user_stays(start: Start, project: Path) -> None:
+    mark = project / "AIServerCommFiles/.gitignore"
+    mark.parent.mkdir()
+    mark.write_text("mine\n")
+    start()
+    assert mark.read_text() == "mine\n"
 
 
 def test_the_editor_leaves_checkpoints_alone(client: Client) -> None:

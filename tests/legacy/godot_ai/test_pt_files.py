@@ -7,7 +7,7 @@ import pickle
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def networks(**sizes: tuple[int, ...]) -> nn.Module:
 
 def contents() -> tuple[dict[str, Any], nn.Module]:
     """Return what godot-ai saves of the agent of INIT, and its actor."""
-    torch.manual_seed(3)
+    cast(Any, torch).manual_seed(3)
     actor = networks(network=(3, 24, 24, 4))
     critic = (5, 24, 24, 24, 1)
     saved = {
@@ -85,7 +85,7 @@ def test_the_server_goes_on_from_it(
     running = start()
     client, answer = begin(running)
     assert answer == DONE
-    assert f"hero: loaded from {path}, which godot-ai wrote" in caplog.text
+    assert f"Checkpoint loaded for hero: {path}, which godot-ai wrote" in caplog.text
     action = client.ask("get_action", file_name="hero", state=STATE)["action"]
     assert action == pytest.approx(mean_action(actor), abs=1e-6)
     client.submit(replays(40))

@@ -144,6 +144,7 @@ def test_a_game_that_is_killed_leaves_nothing_but_its_run(desk: Desk) -> None:
     assert steps > 0, desk.said()
     desk.run.checkpoints().newest()
     assert (desk.project / "runs" / ".gdignore").exists()
+    assert (desk.project / "runs" / ".gitignore").read_text() == "*\n"
     again = desk.press_play()
     time.sleep(2.0)
     desk.await_steps(steps)

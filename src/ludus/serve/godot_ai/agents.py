@@ -71,6 +71,8 @@ class Agents:
             log.warning("agent %s starts over with other settings", settings.name)
             self._save_unsaved(before)
         self._agents[settings.name] = Agent(settings, self._seed, self._device)
+        log.info("Agent named %s initialized. Replay Capacity: %d", settings.name,
+                 settings.replay_capacity)  # fmt: skip
         self._saved_steps.pop(settings.name, None)
         self._began_with.pop(settings.name, None)
 
@@ -90,15 +92,17 @@ class Agents:
             log.info("%s: goes on from %d gradient steps", name, agent.num_steps)
             return True
         if not has_own and not theirs.is_file():
+            log.info("Checkpoint not loaded for: %s (there is none)", name)
             return False
         if not has_own:
             self._agents[name] = self._loaded_from(theirs, agent.settings)
-            log.info("%s: loaded from %s, which godot-ai wrote", name, theirs)
+            log.info("Checkpoint loaded for %s: %s, which godot-ai wrote", name, theirs)
             return True
         if theirs.is_file():
             log.info("%s: %s is left alone, as a later checkpoint is there", name, theirs)
         self._agents[name] = self._loaded(agent.settings)
-        log.info("%s: loaded, %d gradient steps", name, self._agents[name].num_steps)
+        steps = self._agents[name].num_steps
+        log.info("Checkpoint loaded for %s: %d gradient steps", name, steps)
         return True
 
     def learn(self, name: str, num_steps: int, is_stopping: Callable[[], bool]) -> dict[str, float]:

@@ -15,6 +15,9 @@ from ludus.wire.godot_json import parse_godot_json
 __all__ = ["ProjectFiles", "has_foreign_drive"]
 
 FOLDER = "AIServerCommFiles"
+_GIT_IGNORE = (
+    "# Bulk data and checkpoints; policies belong to the game.\n*\n!*_policy.json\n!*.ludus.json\n"
+)
 MAX_FILE_BYTES = 1 << 30
 
 _HINT = "paths in messages stay inside the folder that ludus serve --project names"
@@ -36,6 +39,8 @@ class ProjectFiles:
         self.folder = self.root / FOLDER
         with disk_errors(str(self.folder)):
             self.folder.mkdir(exist_ok=True)
+            if not (mark := self.folder / ".gitignore").exists():
+                mark.write_text(_GIT_IGNORE, encoding="utf-8")
 
     def find(self, path: str) -> Path:
         """Return where a path in a message leads.

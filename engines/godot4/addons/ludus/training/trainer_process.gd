@@ -73,12 +73,19 @@ func find_python() -> String:
 	return ""
 
 
-## Makes a folder that the editor does not look into.
+## Makes a folder that the editor does not look into, and Git neither.
 static func _make_folder(path: String) -> bool:
 	if DirAccess.make_dir_recursive_absolute(path) != OK:
 		return false
-	var mark := path.path_join(".gdignore")
-	return FileAccess.file_exists(mark) or FileAccess.open(mark, FileAccess.WRITE) != null
+	for mark: String in [".gdignore", ".gitignore"]:
+		if FileAccess.file_exists(path.path_join(mark)):
+			continue
+		var file := FileAccess.open(path.path_join(mark), FileAccess.WRITE)
+		if file == null:
+			return false
+		if mark == ".gitignore":
+			file.store_string("*\n")
+	return true
 
 
 static func _candidates() -> PackedStringArray:
