@@ -1,10 +1,9 @@
 #!/usr/bin/env python3
 """An engine written from PROTOCOL.md alone, with a small game; an example for other engines.
 
-It uses Python's standard library only and imports nothing of Ludus. Whoever writes the engine
-side for Unity, Unreal or an engine of their own finds here, in this order: frames, arrays,
-requests and answers, the game, one connection, launch arguments. The sections named in comments
-are those of ``protocol/PROTOCOL.md``.
+It uses Python's standard library only and imports nothing of Ludus. It is an example for
+the engine side of Unity, Unreal or another engine: frames, arrays, requests and answers, the game,
+one connection, launch arguments. Sections (§) are those of ``protocol/PROTOCOL.md``.
 
 The game: in each world a walker stands on a line of places and must reach the goal at one of its
 ends. It sees where it stands and on which side the goal lies; it steps left, waits, or steps right.
@@ -15,6 +14,7 @@ ends. It sees where it stands and on which side the goal lies; it steps left, wa
 
 from __future__ import annotations
 
+import contextlib
 import hmac
 import json
 import logging
@@ -27,7 +27,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NoReturn, cast
 
 Json = dict[str, Any]
 
@@ -41,7 +41,8 @@ JSON_TYPES = {HELLO, WELCOME, SPEC, CALL, RESULT, ERROR}
 LIMITS = {frame_type: 1 << 24 for frame_type in JSON_TYPES} | {PING: 1 << 20, PONG: 1 << 20}
 BINARY_LIMIT = 1 << 28
 FRAME_TIMEOUT_S = 30.0  # for the rest of a frame that has begun
-WELCOME_TIMEOUT_S = 30.0
+GREETING_TIMEOUT_S = 60.0
+LISTEN_TIMEOUT_S = 600.0
 
 
 class ProtocolError(Exception):
@@ -53,7 +54,11 @@ class ProtocolError(Exception):
 
 
 class DisconnectedError(Exception):
-    """The trainer has left: by ``CLOSE``, by ``ERROR``, or because its connection broke."""
+    """The trainer has left; the exit code tells how, §11."""
+
+    def __init__(self, message: str, exit_code: int = 0) -> None:
+        super().__init__(message)
+        self.exit_code = exit_code
 
 
 def pack_frame(frame_type: int, payload: bytes = b"") -> bytes:
@@ -189,10 +194,10 @@ class ResetRequest:
     actions: list[int]
     parameters: Any = None  # null, an object for all, or a list with an object or null per world
 
-    def parameters_of(self, world: int) -> Json:
-        """Return what is to be set in this world; empty for nothing."""
-        is_list = isinstance(self.parameters, list)
-        return (self.parameters[world] if is_list else self.parameters) or {}
+    def parameters_of(self, world: int) -> Json | None:
+        """Return all parameters that this world is to have; None where it keeps those it has."""
+        chosen: Any = self.parameters
+        return chosen[world] if isinstance(self.parameters, list) else chosen
 
 
 def parse_reset(payload: bytes) -> ResetRequest:
@@ -279,11 +284,14 @@ def pack_batch(
 # --- The game -------------------------------------------------------------------------------------
 
 
+DEFAULT_LENGTH = 9
+
+
 class Walker:
     """One world: a walker on a line of places, with the goal at one end."""
 
     def __init__(self) -> None:
-        self.length = 9
+        self.length = DEFAULT_LENGTH
         self.steps = 0
         self._seed = 0
         self._episode = 0
@@ -291,8 +299,8 @@ class Walker:
         self._goal = 0
 
     def set_parameters(self, parameters: Json) -> None:
-        """Take parameters from a ``RESET``; those that are not named stay as they are."""
-        length = parameters.get("length", self.length)
+        """Take parameters from a ``RESET``, §5; those that are not named have their defaults."""
+        length = parameters.get("length", DEFAULT_LENGTH)
         if not isinstance(length, int) or not 3 <= length <= 1000:
             raise ProtocolError("game", f"parameter `length` is {length!r}, expected 3 to 1000")
         self.length = length
@@ -339,6 +347,9 @@ class Game:
     """All worlds of this engine, played in lock-step."""
 
     def __init__(self, config: Json) -> None:
+        # The worlds share nothing, not even a space in which they could lie apart from each other.
+        if config.get("scene") is not None or config.get("layout") == "grid":
+            raise ProtocolError("config", "this game has no other scene, and no grid of worlds")
         self.worlds = [Walker() for _ in range(config.get("num_worlds") or 1)]
         self.ticks_per_step = config.get("ticks_per_step") or 1
         self.max_episode_steps = config.get("max_episode_steps") or MAX_EPISODE_STEPS
@@ -375,14 +386,15 @@ class Game:
             raise ProtocolError("frame", message)
         for index, (world, action) in enumerate(zip(self.worlds, request.actions, strict=True)):
             if action != LEAVE:
-                world.set_parameters(request.parameters_of(index))
+                if (parameters := request.parameters_of(index)) is not None:
+                    world.set_parameters(parameters)
                 world.begin(request.seeds[index] if action == RESEED else None)
         return self._batch([0.0] * len(self.worlds))
 
     def step(self, actions: Rows) -> PolicyBatch:
         """Let every walker act once; those whose episode ends begin their next one at once."""
         if not all(0 <= action < 3 for (action,) in actions):
-            raise ProtocolError("game", "an action is out of range, expected 0, 1 or 2")
+            raise ProtocolError("frame", "an action is out of range, expected 0, 1 or 2")
         self.tick += self.ticks_per_step
         pairs = zip(self.worlds, actions, strict=True)
         batch = self._batch([world.move(action) for world, (action,) in pairs])
@@ -430,7 +442,7 @@ def shake_hands(connection: Connection, token: str) -> Json:
         "token": token,
     }
     connection.send(pack_json(HELLO, hello))
-    frame_type, payload = connection.receive(WELCOME_TIMEOUT_S)
+    frame_type, payload = connection.receive(GREETING_TIMEOUT_S)
     if frame_type != WELCOME:
         raise_unexpected(frame_type, payload)
     welcome = parse_json(payload)
@@ -439,16 +451,16 @@ def shake_hands(connection: Connection, token: str) -> Json:
     return welcome.get("config") or {}
 
 
-def raise_unexpected(frame_type: int, payload: bytes) -> None:
+def raise_unexpected(frame_type: int, payload: bytes) -> NoReturn:
     """Raise what a frame means that is no request: the end, or a violation."""
     if frame_type == CLOSE:
         raise DisconnectedError("it said CLOSE")
     if frame_type == ERROR:
-        raise DisconnectedError(str(parse_json(payload).get("message")))
+        raise DisconnectedError(str(parse_json(payload).get("message")), exit_code=1)
     raise ProtocolError("sequence", f"a frame of type {frame_type} is not allowed now")
 
 
-def serve(connection: Connection, token: str) -> None:
+def serve(connection: Connection, token: str) -> NoReturn:
     """Serve one trainer until it leaves; raises ``DisconnectedError`` then."""
     config = shake_hands(connection, token)
     game = Game(config)
@@ -487,14 +499,14 @@ def serve_and_close(connected: socket.socket, token: str) -> int:
         serve(connection, token)
     except DisconnectedError as reason:
         _log.warning("the trainer has left: %s", reason)
-        return 0
+        return reason.exit_code
     except ProtocolError as error:
         _log.error("%s", error)
-        connection.send(pack_json(ERROR, error.content))
+        with contextlib.suppress(DisconnectedError):
+            connection.send(pack_json(ERROR, error.content))
         return 1
     finally:
         connection.close()
-    return 0
 
 
 # --- §10 Addresses and launch arguments -----------------------------------------------------------
@@ -533,6 +545,7 @@ def listen(address: str, token: str) -> int:
     with socket.socket(family, socket.SOCK_STREAM) as listener:
         listener.bind(where)
         listener.listen()
+        listener.settimeout(LISTEN_TIMEOUT_S)
         if family == socket.AF_INET:
             host, port = listener.getsockname()
             address = f"tcp:{host}:{port}"
@@ -548,12 +561,12 @@ def main(arguments: Sequence[str]) -> int:
     given = {name: value for name, _, value in pairs}
     token_file = given.get("--ludus-token-file")
     token = Path(token_file).read_text().strip() if token_file else ""
-    if "--ludus-connect" in given:
-        return serve_and_close(connect(given["--ludus-connect"]), token)
     if "--ludus-listen" in given:
         return listen(given["--ludus-listen"], token)
+    if "--ludus-connect" in given:
+        return serve_and_close(connect(given["--ludus-connect"]), token)
     sys.stderr.write(__doc__ or "")
-    return 2
+    return 1
 
 
 if __name__ == "__main__":

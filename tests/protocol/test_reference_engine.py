@@ -140,7 +140,12 @@ def assert_passed(report: CheckReport) -> None:
 @pytest.mark.engine
 def test_check_passes_on_the_program() -> None:
     config = CheckConfig(target=PROGRAM, num_steps=100, num_layout_worlds=8, timing_s=0.05)
-    assert_passed(run_checks(config))
+    report = run_checks(config)
+    assert_passed(report)
+    # It has no grid, and says so.
+    assert [finding.status for name, finding in report.findings if name == "layouts"] == [
+        Status.INFO
+    ]
     assert walkers() == []
 
 

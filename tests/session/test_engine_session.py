@@ -324,3 +324,20 @@ def test_huge_numbers_are_finite(open_with: Opener) -> None:
     observation = {"aim": huge, "health": [[1], [1]]}
     session = open_with(answering(batch_with("hero", observation=observation)), POLICIES)
     assert reset(session)["hero"].observation["aim"][1, 2] < -3e38
+
+
+def test_what_an_engine_cannot_do_is_not_asked_of_it(open_with: Opener) -> None:
+    def behave(talk: Talk) -> None:
+        talk.greet({**HELLO, "capabilities": []})
+        talk.serve()
+
+    session = open_with(behave)
+    with pytest.raises(UsageError, match="cannot call get_wind: it lacks the capability call"):
+        session.call({"world": 0}, "get_wind")
+    with pytest.raises(UsageError, match="lacks the capability ceiling"):
+        session.call({"bridge": True}, "run_ceiling", [1, 0])
+    some = ResetRequest(np.zeros(3, np.uint64), np.array([0, 1, 2], np.uint8))
+    with pytest.raises(UsageError, match="cannot reset some of its worlds"):
+        session.reset(some)
+    reset(session)
+    step(session)

@@ -31,7 +31,7 @@ from ludus.wire.greeting import Greeting
 from ludus.wire.handshake import EngineConfig, Hello, welcome
 from ludus.wire.requests import CAPABILITY as REQUESTS
 from ludus.wire.requests import METRICS, MetricSummary, add_metrics, read_requests, split_metrics
-from ludus.wire.reset import ResetRequest
+from ludus.wire.reset import ResetAction, ResetRequest
 from ludus.wire.spec_reader import read_spec
 from ludus.wire.state import State
 from ludus.wire.step import BatchDecoder, StepEncoder
@@ -136,13 +136,16 @@ class EngineSession:
             The first observations; views that the next answer overwrites.
 
         Raises:
-            UsageError: The request does not fit the number of worlds.
+            UsageError: The request does not fit the number of worlds, or leaves some alone, which
+                this engine cannot do.
             EngineError: The engine failed.
         """
         if len(request.seeds) != self.spec.num_worlds:
             raise UsageError(
                 f"reset of {len(request.seeds)} worlds, the engine has {self.spec.num_worlds}"
             )
+        if ResetAction.LEAVE in request.actions:
+            self._require("reset_worlds", "reset some of its worlds and leave the others alone")
         self._send(FrameType.RESET, request.encode())
         return self.receive()
 
@@ -193,10 +196,14 @@ class EngineSession:
         """Call a method of the game (PROTOCOL.md §8) and return its JSON value.
 
         Raises:
-            UsageError: The arguments are not JSON.
+            UsageError: The arguments are not JSON, or the engine takes no such calls.
             GameError: There is no such method or node.
             EngineError: The engine failed.
         """
+        if target != BRIDGE:
+            self._require("call", f"call {method}")
+        elif method == "run_ceiling":
+            self._require("ceiling", "measure how fast the game runs by itself")
         self._call_id += 1
         message = {"id": self._call_id, "target": dict(target), "method": method}
         try:
@@ -288,6 +295,14 @@ class EngineSession:
                     self._link.send(answer)
         assert greeting.hello is not None, "it is over"
         return greeting.hello
+
+    def _require(self, capability: str, what: str) -> None:
+        """Raise unless the engine has a capability (PROTOCOL.md §3)."""
+        if capability not in self.hello.capabilities:
+            raise UsageError(
+                f"{self.hello.engine} cannot {what}: it lacks the capability {capability}",
+                hint="PROTOCOL.md §3 lists the capabilities that an engine may have",
+            )
 
     def _send_error(self, code: str, message: str, hint: str = "") -> None:
         """Tell the engine why the session ends, if it still listens."""
