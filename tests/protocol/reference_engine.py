@@ -14,15 +14,20 @@ ends. It sees where it stands and on which side the goal lies; it steps left, wa
 
 from __future__ import annotations
 
+import collections
 import contextlib
 import hmac
 import json
 import logging
 import math
+import os
+import queue
 import random
+import secrets
 import socket
 import struct
 import sys
+import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -36,12 +41,21 @@ _log = logging.getLogger("reference engine")
 # --- §1 Frames -----------------------------------------------------------------------------------
 
 HELLO, WELCOME, SPEC, RESET, STEP, BATCH, CALL, RESULT, PING, PONG, ERROR, CLOSE = range(1, 13)
+CHALLENGE, PROOF = 13, 14
 HEADER = struct.Struct("<IBBH")  # payload_bytes, type, flags, reserved
-JSON_TYPES = {HELLO, WELCOME, SPEC, CALL, RESULT, ERROR}
-LIMITS = {frame_type: 1 << 24 for frame_type in JSON_TYPES} | {PING: 1 << 20, PONG: 1 << 20}
-BINARY_LIMIT = 1 << 28
+LIMITS = {
+    **dict.fromkeys((HELLO, CHALLENGE, PROOF), 1 << 16),
+    **dict.fromkeys((WELCOME, SPEC, CALL, RESULT, ERROR), 1 << 24),
+    **dict.fromkeys((RESET, STEP, BATCH), 1 << 28),
+    **dict.fromkeys((PING, PONG), 1 << 20),
+    CLOSE: 0,
+}
 FRAME_TIMEOUT_S = 30.0  # for the rest of a frame that has begun
+CONNECT_TIMEOUT_S = 10.0
 GREETING_TIMEOUT_S = 60.0
+GUEST_TIMEOUT_S = 10.0  # for the greeting of one who has connected to a listening engine
+MAX_GUESTS = 64
+MIN_TOKEN_LENGTH = 16
 LISTEN_TIMEOUT_S = 600.0
 
 
@@ -74,11 +88,10 @@ def pack_json(frame_type: int, content: Json) -> bytes:
 def parse_header(header: bytes) -> tuple[int, int]:
     """Return (payload_bytes, type) of an 8-byte header, or raise before anything is allocated."""
     payload_bytes, frame_type, flags, reserved = HEADER.unpack(header)
-    if not HELLO <= frame_type <= CLOSE or flags or reserved:
+    if frame_type not in LIMITS or flags or reserved:
         raise ProtocolError("frame", f"no frame has the header {header.hex()}")
-    limit = 0 if frame_type == CLOSE else LIMITS.get(frame_type, BINARY_LIMIT)
-    if payload_bytes > limit:
-        raise ProtocolError("frame", f"frame of {payload_bytes} bytes, at most {limit} are allowed")
+    if payload_bytes > LIMITS[frame_type]:
+        raise ProtocolError("frame", f"{payload_bytes} bytes in a frame of type {frame_type}")
     return payload_bytes, frame_type
 
 
@@ -118,7 +131,9 @@ class Connection:
         return frame_type, self._read(payload_bytes, deadline - time.monotonic())
 
     def close(self) -> None:
-        """Close the socket."""
+        """Close the socket; a thread that reads from it wakes up."""
+        with contextlib.suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
 
     def _read(self, num_bytes: int, timeout_s: float) -> bytes:
@@ -432,23 +447,37 @@ class Game:
 # --- §2, §3 One connection ------------------------------------------------------------------------
 
 
-def shake_hands(connection: Connection, token: str) -> Json:
-    """Introduce this engine; return the ``config`` that the trainer answers with, §3."""
+def make_proof(token: str, side: str, engine_nonce: str, trainer_nonce: str) -> str:
+    """Return the proof that a side, ``trainer`` or ``engine``, knows the token."""
+    nonces = bytes.fromhex(engine_nonce) + bytes.fromhex(trainer_nonce)
+    return hmac.digest(token.encode(), f"ludus 2 {side}".encode() + nonces, "sha256").hex()
+
+
+def shake_hands(connection: Connection, token: str, timeout_s: float) -> None:
+    """Introduce this engine, and let both sides prove that they know the token, §3."""
+    if not token:
+        raise ProtocolError("token", "there is no token, so that a trainer cannot prove itself")
+    nonce = secrets.token_hex(32)
     hello = {
-        "protocol": {"min": 1, "max": 1},
+        "protocol": {"min": 2, "max": 2},
         "addon": "0.1.0",
         "engine": {"name": "reference", "version": "1.0"},
         "capabilities": ["call", "rebuild", "reset_worlds"],
-        "token": token,
+        "nonce": nonce,
     }
     connection.send(pack_json(HELLO, hello))
-    frame_type, payload = connection.receive(GREETING_TIMEOUT_S)
-    if frame_type != WELCOME:
+    frame_type, payload = connection.receive(timeout_s)
+    if frame_type != CHALLENGE:
         raise_unexpected(frame_type, payload)
-    welcome = parse_json(payload)
-    if not hmac.compare_digest(str(welcome.get("token", "")).encode(), token.encode()):
+    challenge = parse_json(payload)
+    nonces = nonce, str(challenge.get("nonce"))
+    try:
+        proof = make_proof(token, "trainer", *nonces)
+    except ValueError as error:
+        raise ProtocolError("frame", "the nonce is not hexadecimal") from error
+    if not hmac.compare_digest(proof.encode(), str(challenge.get("proof")).encode()):
         raise ProtocolError("token", "the token of the trainer is not the one of this game")
-    return welcome.get("config") or {}
+    connection.send(pack_json(PROOF, {"proof": make_proof(token, "engine", *nonces)}))
 
 
 def raise_unexpected(frame_type: int, payload: bytes) -> NoReturn:
@@ -460,9 +489,12 @@ def raise_unexpected(frame_type: int, payload: bytes) -> NoReturn:
     raise ProtocolError("sequence", f"a frame of type {frame_type} is not allowed now")
 
 
-def serve(connection: Connection, token: str) -> NoReturn:
-    """Serve one trainer until it leaves; raises ``DisconnectedError`` then."""
-    config = shake_hands(connection, token)
+def serve(connection: Connection) -> NoReturn:
+    """Serve a trainer that has proved itself; raises ``DisconnectedError`` when it leaves."""
+    frame_type, payload = connection.receive(GREETING_TIMEOUT_S)
+    if frame_type != WELCOME:
+        raise_unexpected(frame_type, payload)
+    config: Json = parse_json(payload).get("config") or {}
     game = Game(config)
     spec = game.spec()
     layouts = [Layout.of(policy) for policy in spec["policies"]]
@@ -492,21 +524,12 @@ def serve(connection: Connection, token: str) -> NoReturn:
             raise_unexpected(frame_type, payload)
 
 
-def serve_and_close(connected: socket.socket, token: str) -> int:
-    """Serve one trainer; return the exit code for how it ended."""
-    connection = Connection(connected)
-    try:
-        serve(connection, token)
-    except DisconnectedError as reason:
-        _log.warning("the trainer has left: %s", reason)
-        return reason.exit_code
-    except ProtocolError as error:
-        _log.error("%s", error)
-        with contextlib.suppress(DisconnectedError):
-            connection.send(pack_json(ERROR, error.content))
-        return 1
-    finally:
-        connection.close()
+def tell_failure(connection: Connection, error: ProtocolError) -> None:
+    """Send ``ERROR``, if the trainer still listens, and close."""
+    _log.error("%s", error)
+    with contextlib.suppress(DisconnectedError):
+        connection.send(pack_json(ERROR, error.content))
+    connection.close()
 
 
 # --- §10 Addresses and launch arguments -----------------------------------------------------------
@@ -523,50 +546,117 @@ def parse_address(address: str) -> tuple[socket.AddressFamily, Any]:
     return socket.AF_INET, (host, int(port))
 
 
-def connect(addresses: str) -> socket.socket:
+def find_token(token_file: str | None, *, is_local: bool) -> str:
+    """Return the token that a trainer must know, §3; empty if there is none."""
+    if token_file is not None:
+        return Path(token_file).read_text().strip()
+    if token := os.environ.get("LUDUS_TOKEN"):
+        return token
+    folders = {"darwin": "~/Library/Caches", "win32": os.environ.get("LOCALAPPDATA", "")}
+    cache = folders.get(sys.platform, os.environ.get("XDG_CACHE_HOME") or "~/.cache")
+    file = Path(cache).expanduser() / "ludus" / "token"
+    if not is_local or not file.is_file():
+        return ""
+    if sys.platform != "win32" and file.stat().st_mode & 0o077:
+        raise SystemExit(f"others may read {file}, so the token in it is no secret; delete it")
+    return file.read_text().strip()
+
+
+def is_on_this_machine(address: str) -> bool:
+    """Tell whether only this machine can reach an address."""
+    return address.startswith(("unix:", "tcp:localhost:", "tcp:127."))
+
+
+def connect(addresses: str, token_file: str | None) -> Connection:
     """Connect to the first address that answers."""
     reasons: list[str] = []
     for address in addresses.split(","):
         family, where = parse_address(address)
         connected = socket.socket(family, socket.SOCK_STREAM)
+        connected.settimeout(CONNECT_TIMEOUT_S)
         try:
             connected.connect(where)
         except OSError as error:
             connected.close()
             reasons.append(f"{address}: {error}")
-        else:
-            return connected
+            continue
+        connection = Connection(connected)
+        try:
+            token = find_token(token_file, is_local=is_on_this_machine(address))
+            shake_hands(connection, token, GREETING_TIMEOUT_S)
+        except ProtocolError as error:
+            tell_failure(connection, error)
+            raise SystemExit(1) from error
+        return connection
     raise SystemExit(f"no trainer listens: {'; '.join(reasons)}")
 
 
-def listen(address: str, token: str) -> int:
-    """Listen, print the address, and serve one trainer."""
+def listen(address: str, token_file: str | None) -> Connection:
+    """Listen, print the address, and return the first trainer that proves itself, §3."""
     family, where = parse_address(address)
-    with socket.socket(family, socket.SOCK_STREAM) as listener:
-        listener.bind(where)
-        listener.listen()
-        listener.settimeout(LISTEN_TIMEOUT_S)
+    is_local = is_on_this_machine(address)
+    proven: queue.SimpleQueue[Connection | DisconnectedError] = queue.SimpleQueue()
+    guests: collections.deque[Connection] = collections.deque()
+
+    def greet(guest: Connection) -> None:
+        try:
+            # Now, since a trainer on this machine may have written its token just before.
+            token = find_token(token_file, is_local=is_local)
+            shake_hands(guest, token, GUEST_TIMEOUT_S)
+            proven.put(guest)
+        except DisconnectedError as error:
+            if error.exit_code:
+                proven.put(error)
+        except ProtocolError as error:
+            tell_failure(guest, error)
+
+    if not is_local and len(find_token(token_file, is_local=False)) < MIN_TOKEN_LENGTH:
+        raise SystemExit("other machines need --ludus-token-file with at least 16 characters")
+    with socket.create_server(where, family=family) as listener:
         if family == socket.AF_INET:
             host, port = listener.getsockname()
             address = f"tcp:{host}:{port}"
         sys.stdout.write(f"listening on {address}\n")
         sys.stdout.flush()
-        connected, _ = listener.accept()
-    return serve_and_close(connected, token)
+        listener.settimeout(0.02)
+        deadline = time.monotonic() + LISTEN_TIMEOUT_S
+        while proven.empty() and time.monotonic() < deadline:
+            with contextlib.suppress(TimeoutError):
+                guests.append(Connection(listener.accept()[0]))
+                threading.Thread(target=greet, args=(guests[-1],), daemon=True).start()
+            if len(guests) > MAX_GUESTS:
+                guests.popleft().close()
+    if proven.empty():
+        raise SystemExit("no trainer has connected")
+    trainer = proven.get()
+    for guest in guests:
+        if guest is not trainer:
+            guest.close()
+    if isinstance(trainer, DisconnectedError):
+        raise trainer
+    return trainer
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the engine as its launch arguments say; return its exit code."""
-    pairs = [argument.partition("=") for argument in arguments]
-    given = {name: value for name, _, value in pairs}
+    """Run the engine as its launch arguments say, §11; return its exit code."""
+    given = {name: value for name, _, value in (text.partition("=") for text in arguments)}
     token_file = given.get("--ludus-token-file")
-    token = Path(token_file).read_text().strip() if token_file else ""
-    if "--ludus-listen" in given:
-        return listen(given["--ludus-listen"], token)
-    if "--ludus-connect" in given:
-        return serve_and_close(connect(given["--ludus-connect"]), token)
-    sys.stderr.write(__doc__ or "")
-    return 1
+    try:
+        if "--ludus-listen" in given:
+            connection = listen(given["--ludus-listen"], token_file)
+        elif "--ludus-connect" in given:
+            connection = connect(given["--ludus-connect"], token_file)
+        else:
+            sys.stderr.write(__doc__ or "")
+            return 1
+        try:
+            serve(connection)
+        except ProtocolError as error:
+            tell_failure(connection, error)
+            return 1
+    except DisconnectedError as reason:
+        _log.warning("the trainer has left: %s", reason)
+        return reason.exit_code
 
 
 if __name__ == "__main__":

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
+import socket
 import subprocess
 import sys
 from collections.abc import Generator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, cast
 
 import psutil
 import pytest
 
-from ludus import TrainConfig, train
+from ludus import PoolConfig, TrainConfig, open_pool, train
 from ludus.check import CheckConfig, CheckReport, Status, run_checks
+from ludus.errors import LudusError
 from tests.protocol import reference_engine as engine
 
 GOLDEN = Path(__file__).parents[2] / "protocol" / "golden"
 PROGRAM = Path(engine.__file__)
-READ = ("WELCOME", "RESET", "STEP", "CALL", "PING", "ERROR", "CLOSE")
-WRITTEN = ("HELLO", "SPEC", "BATCH", "RESULT", "PONG", "ERROR", "CLOSE")
+READ = ("CHALLENGE", "WELCOME", "RESET", "STEP", "CALL", "PING", "ERROR", "CLOSE")
+WRITTEN = ("HELLO", "PROOF", "SPEC", "BATCH", "RESULT", "PONG", "ERROR", "CLOSE")
 
 
 def golden(types: tuple[str, ...]) -> list[Any]:
@@ -72,6 +74,17 @@ def test_golden_frame_is_read(name: str, said: dict[str, Any]) -> None:
         assert engine.parse_json(payload) == content
 
 
+def test_golden_proofs_are_made() -> None:
+    hello, challenge, proof = (
+        json.loads((GOLDEN / f"{name}.json").read_text())
+        for name in ("hello", "challenge", "proof")
+    )
+    nonces = hello["content"]["nonce"], challenge["content"]["nonce"]
+    for side, frame in (("trainer", challenge), ("engine", proof)):
+        made = engine.make_proof(frame["token"], side, *nonces)
+        assert made == frame["content"]["proof"]
+
+
 @pytest.mark.parametrize(("name", "said"), golden(WRITTEN))
 def test_golden_frame_is_written(name: str, said: dict[str, Any]) -> None:
     expected = (GOLDEN / f"{name}.bin").read_bytes()
@@ -117,7 +130,7 @@ def walkers() -> list[psutil.Process]:
     return [child for child in alive if str(PROGRAM) in child.cmdline()]
 
 
-@contextmanager
+@contextlib.contextmanager
 def listening(*arguments: str) -> Generator[tuple[str, subprocess.Popen[str]]]:
     """Start the engine as a listener; give its HOST:PORT and the process."""
     command = [sys.executable, str(PROGRAM), "--ludus-listen=tcp:127.0.0.1:0", *arguments]
@@ -153,6 +166,30 @@ def test_check_passes_on_the_program() -> None:
 def test_check_passes_on_an_address_and_the_engine_quits() -> None:
     with listening() as (address, process):
         assert_passed(run_checks(CheckConfig(target=address, num_steps=100)))
+        assert process.wait(timeout=10) == 0
+
+
+@pytest.mark.engine
+def test_strangers_keep_no_trainer_out() -> None:
+    with listening() as (address, process), contextlib.ExitStack() as strangers:
+        host, port = address.split(":")
+        for said in (b"", b"GET / HTTP/1.1\r\n\r\n", engine.pack_json(engine.CHALLENGE, {})):
+            stranger = strangers.enter_context(socket.create_connection((host, int(port))))
+            stranger.sendall(said)
+        with open_pool(address) as pool:
+            pool.reset(seed=1)
+        assert process.wait(timeout=10) == 0
+
+
+@pytest.mark.engine
+def test_a_trainer_with_another_token_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "ours").write_text("a token that is long enough")
+    (tmp_path / "theirs").write_text("another token, long as well")
+    with listening(f"--ludus-token-file={tmp_path / 'ours'}") as (address, process):
+        with pytest.raises(LudusError, match="token"):
+            open_pool(address, PoolConfig(token_file=tmp_path / "theirs"))
+        with open_pool(address, PoolConfig(token_file=tmp_path / "ours")) as pool:
+            pool.reset(seed=1)
         assert process.wait(timeout=10) == 0
 
 

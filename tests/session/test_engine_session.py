@@ -20,7 +20,7 @@ from ludus.errors import (
 )
 from ludus.spec.batch import ActionBatch
 from ludus.wire.reset import ResetRequest
-from tests.fake_engine import FLAT, POLICIES, Talk
+from tests.fake_engine import FLAT, HELLO, POLICIES, Talk
 from tests.session.conftest import (
     Opener,
     answering,
