@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 import subprocess
 import sys
@@ -22,7 +23,7 @@ from ludus.errors import (
 )
 from ludus.legacy.godot_gym_api import GodotClient
 from tests.legacy.godot_gym_api.compiled import WALK
-from tests.legacy.godot_gym_api.conftest import ALL, Opener, left_processes
+from tests.legacy.godot_gym_api.conftest import ALL, Opener, left_processes, make_project
 from tests.legacy.gymgodot.conftest import ROOT, command_of
 
 pytestmark = pytest.mark.engine
@@ -235,3 +236,52 @@ def test_game_ends_with_a_killed_trainer(project: Path) -> None:
         trainer.kill()
         trainer.wait(10.0)
     assert psutil.wait_procs(games, timeout=30.0)[1] == []
+
+
+OWN_STEP = """\
+func _step(action):
+	agent.set_action(action)
+	get_tree().set_pause(false)
+	yield(physics_frames_timer.start(), "timer_end")
+	get_tree().set_pause(true)
+	world.num_steps += 1
+"""
+"""A step as the original's documentation shows it, without the base class."""
+CONSTANTS = """\
+	print("constants: ", JSON.print([CONFIG_KEY, RESET_KEY, ACTION_KEY, OBSERVATION_KEY,
+		WORLD_KEY, AGENT_KEY, ENVIRONMENT_KEY, ProtobufMessage == null]))
+"""
+
+
+def changed_project(folder: Path, old: str, new: str) -> Path:
+    project = make_project(folder)
+    script = project / "environment.gd"
+    text = script.read_text()
+    assert old in text
+    script.write_text(text.replace(old, new))
+    return project
+
+
+def test_an_environment_steps_without_the_base_class(opener: Opener, tmp_path: Path) -> None:
+    text = (Path(__file__).with_name("project") / "environment.gd").read_text()
+    own = text[text.index("func _step") : text.index("func _after_send_response")]
+    project = changed_project(tmp_path / "own_step", own, f"{OWN_STEP}\n\n")
+    client = started(opener, project)
+    for repeat_action in (4, 7):
+        client.set_repeat_action(repeat_action)
+        client.reset(ALL)
+        for count in range(1, 4):
+            state = client.step(0.25, ALL)
+            assert state["agent"].place == 0.25 * count * repeat_action
+            assert state["world"].frames == count * repeat_action
+            assert state["world"].steps == count
+
+
+def test_scripts_find_the_constants_of_the_original(opener: Opener, tmp_path: Path) -> None:
+    ready = "func _ready() -> void:\n"
+    project = changed_project(tmp_path / "constants", ready, ready + CONSTANTS)
+    log = tmp_path / "game.log"
+    started(opener, project, log_path=log).reset(ALL)
+    (line,) = [line for line in log.read_text().splitlines() if line.startswith("constants: ")]
+    keys = ["config", "reset", "action", "observation", "world", "agent", "environment"]
+    assert json.loads(line.removeprefix("constants: ")) == [*keys, True]

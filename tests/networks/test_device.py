@@ -1,0 +1,51 @@
+"""``--device``: trained on a GPU where there is one, refused with a reason where there is none."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import torch
+
+from ludus.cli.main import main
+from ludus.networks.device import choose_device
+
+HAS_CUDA = torch.cuda.is_available()
+SIZES = ["--num-worlds", "4", "--num-engines", "1", "--evaluation-episodes", "1", "--name", "run"]
+
+
+@pytest.mark.skipif(not HAS_CUDA, reason="this machine has no GPU that PyTorch can use")
+@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+def test_training_on_a_gpu(
+    algorithm: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    torch.cuda.reset_peak_memory_stats()
+    before = torch.cuda.max_memory_allocated()
+    typed = ["train", "gym:CartPole-v1", "--algorithm", algorithm, "--device", "cuda", *SIZES]
+    steps = ["--total-steps", "2000", "--sac.learning-starts", "200"]
+    assert main([*typed, *steps]) == 0
+    assert torch.cuda.max_memory_allocated() > before
+    assert json.loads((tmp_path / "runs/run/config.json").read_text())["device"] == "cuda"
+    capsys.readouterr()
+    assert main(["evaluate", "runs/run", "--episodes", "1", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["policies"]
+
+
+@pytest.mark.skipif(HAS_CUDA, reason="this machine has a GPU")
+def test_a_machine_without_a_gpu_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["train", "gym:CartPole-v1", "--device", "cuda", *SIZES]) == 2
+    shown = capsys.readouterr().err
+    assert "device cuda cannot be used: " in shown
+    assert "--device cpu always works" in shown
+
+
+def test_auto_takes_what_there_is() -> None:
+    assert choose_device("auto").type == ("cuda" if HAS_CUDA else "cpu")
