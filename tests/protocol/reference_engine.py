@@ -42,6 +42,7 @@ _log = logging.getLogger("reference engine")
 
 HELLO, WELCOME, SPEC, RESET, STEP, BATCH, CALL, RESULT, PING, PONG, ERROR, CLOSE = range(1, 13)
 CHALLENGE, PROOF = 13, 14
+VERSION = 2
 HEADER = struct.Struct("<IBBH")  # payload_bytes, type, flags, reserved
 LIMITS = {
     **dict.fromkeys((HELLO, CHALLENGE, PROOF), 1 << 16),
@@ -459,7 +460,7 @@ def shake_hands(connection: Connection, token: str, timeout_s: float) -> None:
         raise ProtocolError("token", "there is no token, so that a trainer cannot prove itself")
     nonce = secrets.token_hex(32)
     hello = {
-        "protocol": {"min": 2, "max": 2},
+        "protocol": {"min": VERSION, "max": VERSION},
         "addon": "0.1.0",
         "engine": {"name": "reference", "version": "1.0"},
         "capabilities": ["call", "rebuild", "reset_worlds"],
@@ -494,7 +495,10 @@ def serve(connection: Connection) -> NoReturn:
     frame_type, payload = connection.receive(GREETING_TIMEOUT_S)
     if frame_type != WELCOME:
         raise_unexpected(frame_type, payload)
-    config: Json = parse_json(payload).get("config") or {}
+    welcome = parse_json(payload)
+    if welcome.get("protocol") != VERSION:
+        raise ProtocolError("version", f"this engine speaks protocol {VERSION} only")
+    config: Json = welcome.get("config") or {}
     game = Game(config)
     spec = game.spec()
     layouts = [Layout.of(policy) for policy in spec["policies"]]
