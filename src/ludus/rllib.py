@@ -10,6 +10,10 @@
 ... )
 """
 
+# Ray's types are incomplete.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false, reportUnknownParameterType=false
+
 from __future__ import annotations
 
 import itertools
@@ -17,7 +21,7 @@ import math
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from gymnasium import spaces
@@ -32,26 +36,47 @@ from ludus.spec import PolicySpec
 from ludus.spec.batch import ActionBatch, Batches
 from ludus.spec.spaces import action_space, observation_of, observation_space, to_action_batch
 
-try:
+if TYPE_CHECKING:  # Ray declares other types than it takes
     import torch
-    from ray.rllib.core.columns import Columns
-    from ray.rllib.env.multi_agent_env import MultiAgentEnv
-    from ray.rllib.env.multi_agent_env_runner import MultiAgentEnvRunner
-    from ray.rllib.env.single_agent_episode import SingleAgentEpisode
-    from ray.rllib.utils.metrics import (
-        NUM_AGENT_STEPS_SAMPLED,
-        NUM_AGENT_STEPS_SAMPLED_LIFETIME,
-        NUM_ENV_STEPS_SAMPLED,
-        NUM_ENV_STEPS_SAMPLED_LIFETIME,
-        NUM_EPISODES,
-        NUM_EPISODES_LIFETIME,
-        NUM_MODULE_STEPS_SAMPLED,
-        NUM_MODULE_STEPS_SAMPLED_LIFETIME,
-        SAMPLE_TIMER,
-        WEIGHTS_SEQ_NO,
-    )
-except ImportError as error:
-    raise missing_extra("ray[rllib]", "rllib") from error
+
+    class MultiAgentEnv(Any): ...
+
+    class MultiAgentEnvRunner(Any): ...
+
+    class SingleAgentEpisode(Any): ...
+
+    Columns: Any
+    NUM_AGENT_STEPS_SAMPLED: Any
+    NUM_AGENT_STEPS_SAMPLED_LIFETIME: Any
+    NUM_ENV_STEPS_SAMPLED: Any
+    NUM_ENV_STEPS_SAMPLED_LIFETIME: Any
+    NUM_EPISODES: Any
+    NUM_EPISODES_LIFETIME: Any
+    NUM_MODULE_STEPS_SAMPLED: Any
+    NUM_MODULE_STEPS_SAMPLED_LIFETIME: Any
+    SAMPLE_TIMER: Any
+    WEIGHTS_SEQ_NO: Any
+else:
+    try:
+        import torch
+        from ray.rllib.core.columns import Columns
+        from ray.rllib.env.multi_agent_env import MultiAgentEnv
+        from ray.rllib.env.multi_agent_env_runner import MultiAgentEnvRunner
+        from ray.rllib.env.single_agent_episode import SingleAgentEpisode
+        from ray.rllib.utils.metrics import (
+            NUM_AGENT_STEPS_SAMPLED,
+            NUM_AGENT_STEPS_SAMPLED_LIFETIME,
+            NUM_ENV_STEPS_SAMPLED,
+            NUM_ENV_STEPS_SAMPLED_LIFETIME,
+            NUM_EPISODES,
+            NUM_EPISODES_LIFETIME,
+            NUM_MODULE_STEPS_SAMPLED,
+            NUM_MODULE_STEPS_SAMPLED_LIFETIME,
+            SAMPLE_TIMER,
+            WEIGHTS_SEQ_NO,
+        )
+    except ImportError as error:
+        raise missing_extra("ray[rllib]", "rllib") from error
 
 __all__ = ["LudusEnvRunner", "LudusMultiAgentEnv", "policy_of"]
 
@@ -175,6 +200,8 @@ class LudusEnvRunner(MultiAgentEnvRunner):
         UsageError: One of these is asked for.
     """
 
+    env: Any  # None before make_env
+
     def make_env(self) -> None:
         """Start the engines."""
         if self.env is not None:
@@ -208,7 +235,7 @@ class LudusEnvRunner(MultiAgentEnvRunner):
             random_actions: Draw them from the action space.
             force_reset: Begin new episodes first.
         """
-        explore = self.config.explore if explore is None else explore
+        explore = bool(self.config.explore) if explore is None else explore
         self.metrics.log_value(WEIGHTS_SEQ_NO, self._weights_seq_no, window=1)
         if num_episodes is None and self.config.batch_mode == "complete_episodes":
             num_episodes = self.num_envs
@@ -289,7 +316,7 @@ class LudusEnvRunner(MultiAgentEnvRunner):
         }
         for group, fragment in zip(self._groups, fragments, strict=True):
             batch = self._batches[group.policy.name]
-            seen = observation_of(group.policy, batch.observation)[group.rows]
+            seen = _array_of(group.policy, batch.observation)[group.rows]
             chosen, inputs, logps = self._act(group, seen, explore, random_actions)
             own = to_action_batch(group.policy, self._for_env(group, chosen), len(group.rows))
             actions[group.policy.name].discrete[group.rows] = own.discrete
@@ -348,7 +375,7 @@ class LudusEnvRunner(MultiAgentEnvRunner):
             return 0
         step = len(fragment.rewards) - 1
         place = np.searchsorted(batch.final_index, rows)
-        final = observation_of(group.policy, batch.final_observation)
+        final = _array_of(group.policy, batch.final_observation)
         for row in ended.nonzero()[0]:
             fragment.finals[step, int(row)] = final[place[row]]
         return int(ended.sum())
@@ -363,7 +390,7 @@ class LudusEnvRunner(MultiAgentEnvRunner):
     def _build_group(
         self, index: int, group: _Group, fragment: _Fragment, only_whole: bool
     ) -> list[SingleAgentEpisode]:
-        last = observation_of(group.policy, self._batches[group.policy.name].observation)
+        last = _array_of(group.policy, self._batches[group.policy.name].observation)
         arrays = {
             "observations": np.stack([*fragment.observations, last[group.rows]]),
             "actions": np.stack(fragment.actions),
@@ -454,6 +481,11 @@ class LudusEnvRunner(MultiAgentEnvRunner):
             for name, count in counts.items():
                 log((keys[0], name), count, reduce="sum")
                 log((keys[1], name), count, reduce="lifetime_sum")
+
+
+def _array_of(policy: PolicySpec, entries: dict[str, NDArray[Any]]) -> NDArray[Any]:
+    """Return observations, which are one array here."""
+    return cast(NDArray[Any], observation_of(policy, entries))
 
 
 def _pieces(active: NDArray[np.bool_], ended: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -7,6 +7,9 @@
 >>> ludus.sb3.export(model, "cart.ludus.json")                          # doctest: +SKIP
 """
 
+# Stable-Baselines3's types are incomplete.
+# pyright: reportUnknownMemberType=false
+
 from __future__ import annotations
 
 import tempfile

@@ -75,9 +75,25 @@ def test_a_documented_command_line_is_accepted(line: str) -> None:
         assert any(given in error.message for given in arguments), error.message
 
 
+def _runnable() -> list[Any]:
+    """Blocks about other libraries run where these are; their warnings are their own."""
+    marks = [
+        pytest.mark.libraries,
+        pytest.mark.filterwarnings("ignore"),
+        pytest.mark.timeout(400, func_only=True),
+    ]
+    return [
+        pytest.param(
+            block, id=str(block), marks=marks if block.page.startswith("docs/libraries/") else []
+        )
+        for block in _blocks("python")
+        if not block.reason
+    ]
+
+
 @pytest.mark.engine
 @pytest.mark.slow
-@pytest.mark.parametrize("block", [b for b in _blocks("python") if not b.reason], ids=str)
+@pytest.mark.parametrize("block", _runnable())
 def test_a_python_block_runs(block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     exec(compile(block.code, str(block), "exec"), {})

@@ -1,5 +1,9 @@
 """PettingZoo's own tests over our games, and what they do not ask."""
 
+# PettingZoo's types are incomplete.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false, reportUnknownParameterType=false
+
 from __future__ import annotations
 
 import pickle

@@ -1,5 +1,9 @@
 """RLlib: episodes of our runner hold what the game did, and PPO learns from them."""
 
+# Ray's types are incomplete.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false, reportUnknownParameterType=false
+
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -34,9 +38,9 @@ def _ray() -> Iterator[None]:
 
 
 def configure(target: Any, worlds: int, policies: set[str], **settings: Any) -> Any:
+    config: Any = PPOConfig()  # it declares other types than it takes
     return (
-        PPOConfig()
-        .environment(LudusMultiAgentEnv, env_config={"target": str(target), **settings})
+        config.environment(LudusMultiAgentEnv, env_config={"target": str(target), **settings})
         .env_runners(
             env_runner_cls=LudusEnvRunner, num_env_runners=0, num_envs_per_env_runner=worlds
         )

@@ -1,5 +1,9 @@
 """Stable-Baselines3: equal to its own DummyVecEnv, trained by four algorithms, shipped in Godot."""
 
+# Stable-Baselines3's types are incomplete.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false, reportUnknownParameterType=false
+
 from __future__ import annotations
 
 import base64
@@ -114,14 +118,14 @@ def test_bits_equal_those_of_dummy_vec_env(target: str, oracle: Path) -> None:
 
 
 def test_make_vec_env_of_sb3_takes_our_ids() -> None:
-    env = make_vec_env("ludus/CartPole-v0", n_envs=2)
+    env: Any = make_vec_env("ludus/CartPole-v0", n_envs=2)
     env.reset()
     assert env.step(np.zeros(2, np.int64))[0].shape[0] == 2
     env.close()
 
 
-def test_wrappers_of_sb3_wrap(cartpole: ludus.sb3.LudusVecEnv) -> None:
-    env = VecMonitor(VecFrameStack(VecNormalize(cartpole), 3))
+def test_wrappers_of_sb3_wrap(cartpole: Any) -> None:
+    env: Any = VecMonitor(VecFrameStack(VecNormalize(cartpole), 3))
     size = cartpole.observation_space.shape[0]
     assert env.reset().shape == (NUM, 3 * size)
     episodes = 0
@@ -129,8 +133,8 @@ def test_wrappers_of_sb3_wrap(cartpole: ludus.sb3.LudusVecEnv) -> None:
         answer = env.step(np.zeros(NUM, np.int64))
         episodes += sum("episode" in info for info in answer[3])
     assert episodes > 0
-    images = ludus.sb3.make("gym:Picture-v0", num_worlds=2)
-    assert VecTransposeImage(images).reset()["eye"].shape == (2, 3, 36, 40)
+    images: Any = ludus.sb3.make("gym:Picture-v0", num_worlds=2)
+    assert cast(Any, VecTransposeImage(images).reset())["eye"].shape == (2, 3, 36, 40)
     images.close()
 
 
@@ -156,7 +160,7 @@ CASES: list[tuple[str, Any, dict[str, Any], bool]] = [
 def test_a_trained_model_plays_in_godot_as_in_python(
     target: str, kind: Any, settings: dict[str, Any], is_normalised: bool, tmp_path: Path
 ) -> None:
-    env = ludus.sb3.make(target, num_worlds=NUM)
+    env: Any = ludus.sb3.make(target, num_worlds=NUM)
     wrapped = VecNormalize(env) if is_normalised else env
     is_dict = isinstance(env.observation_space, gymnasium.spaces.Dict)
     model = kind("MultiInputPolicy" if is_dict else "MlpPolicy", wrapped, device="cpu", **settings)

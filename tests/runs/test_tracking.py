@@ -1,5 +1,10 @@
 """Weights & Biases, MLflow and Trackio, offline: they get the very numbers of metrics.jsonl."""
 
+# WandB's types are incomplete.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false, reportUnknownParameterType=false
+# pyright: reportUnknownLambdaType=false
+
 from __future__ import annotations
 
 import json
@@ -54,9 +59,11 @@ def history(file: Path) -> list[dict[str, float]]:
     """Return what an offline run of Weights & Biases has logged."""
     from wandb.proto import wandb_internal_pb2
 
+    proto: Any = wandb_internal_pb2
+
     items: list[dict[str, float]] = []
     for data in log_records(file.read_bytes()):
-        record: Any = wandb_internal_pb2.Record()
+        record: Any = proto.Record()
         record.ParseFromString(data)
         if record.HasField("history"):
             items.append({

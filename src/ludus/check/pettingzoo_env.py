@@ -1,5 +1,9 @@
 """PettingZoo's own tests on one world, for what Gymnasium's checker does not know."""
 
+# PettingZoo's types are incomplete.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false, reportUnknownParameterType=false
+
 from __future__ import annotations
 
 import contextlib

@@ -1,0 +1,121 @@
+"""What other libraries' interfaces cost: pairs of ways to step the same game, in turn.
+
+.venv/libraries/all/bin/python benchmarks/libraries.py [sb3] [rgb_array] [gymnasium] [rllib]
+"""
+
+# The types of these libraries are incomplete.
+# pyright: reportUnknownMemberType=false, reportUnknownVariableType=false
+# pyright: reportUnknownArgumentType=false, reportUnknownLambdaType=false
+from __future__ import annotations
+
+import statistics
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+import ludus
+
+TURNS = 5
+SECONDS = 3.0
+
+Turn = Callable[[], int]
+"""Plays a little; returns the agents' steps."""
+
+
+def compare(title: str, first: tuple[str, Turn], second: tuple[str, Turn]) -> None:
+    """Print steps/s of both, and the median ratio of neighbouring turns."""
+    pairs = [(_rate(first[1]), _rate(second[1])) for _ in range(TURNS + 1)][1:]
+    ratio = statistics.median(one / other for one, other in pairs)
+    one, other = (statistics.median(column) for column in zip(*pairs, strict=True))
+    print(f"{title}: {first[0]} {one:,.0f}, {second[0]} {other:,.0f} steps/s; ratio {ratio:.2f}")
+
+
+def _rate(turn: Turn) -> float:
+    start, steps = time.perf_counter(), 0
+    while time.perf_counter() - start < SECONDS:
+        steps += turn()
+    return steps / (time.perf_counter() - start)
+
+
+def _stepper(envs: Any, num: int) -> Turn:
+    envs.reset()
+    actions = np.zeros(num, np.int64)
+
+    def turn() -> int:
+        for _ in range(20):
+            envs.step(actions)
+        return 20 * num
+
+    return turn
+
+
+def sb3() -> None:
+    """Compare with our own vector environment."""
+    import ludus.sb3
+
+    own, theirs = (make("cartpole", num_worlds=1024) for make in (ludus.make_vec, ludus.sb3.make))
+    compare("1,024 cartpoles", ("sb3", _stepper(theirs, 1024)), ("make_vec", _stepper(own, 1024)))
+    own.close()
+    theirs.close()
+
+
+def rgb_array() -> None:
+    """Compare steps with and without ``render_mode="rgb_array"``; nothing is drawn."""
+    own = ludus.make_vec("cartpole", num_worlds=64)
+    drawing = ludus.make_vec("cartpole", num_worlds=64, render_mode="rgb_array")
+    compare("64 cartpoles", ("rgb_array", _stepper(drawing, 64)), ("None", _stepper(own, 64)))
+    own.close()
+    drawing.close()
+
+
+def gymnasium_cartpole() -> None:
+    """Compare Godot with Gymnasium's own CartPole, both as vector environments."""
+    own = ludus.make_vec("cartpole", num_worlds=64)
+    theirs = gymnasium.make_vec("CartPole-v1", num_envs=64, vectorization_mode="sync")
+    compare("64 cartpoles", ("Godot", _stepper(own, 64)), ("SyncVectorEnv", _stepper(theirs, 64)))
+    own.close()
+    theirs.close()
+
+
+def rllib() -> None:
+    """Compare our runner with RLlib's on ball_chase, with the same module."""
+    import ray
+    from ray.rllib.algorithms.ppo import PPOConfig
+    from ray.rllib.env.multi_agent_env_runner import MultiAgentEnvRunner
+
+    from ludus.rllib import LudusEnvRunner, LudusMultiAgentEnv, policy_of
+
+    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
+
+    def runner(kind: Any, worlds: int, steps: int) -> Turn:
+        config: Any = PPOConfig()
+        config = config.environment(LudusMultiAgentEnv, env_config={"target": "ball_chase"})
+        config = config.env_runners(num_env_runners=0, num_envs_per_env_runner=worlds)
+        config = config.multi_agent(policies={"chaser"}, policy_mapping_fn=policy_of)
+        own = kind(config=config, worker_index=0)
+
+        def turn() -> int:
+            own.sample(num_timesteps=steps * worlds)
+            return steps * worlds * 16
+
+        return turn
+
+    compare(
+        "ball_chase",
+        ("LudusEnvRunner with 32 worlds", runner(LudusEnvRunner, 32, 32)),
+        ("MultiAgentEnvRunner with 1", runner(MultiAgentEnvRunner, 1, 32)),
+    )
+    ray.shutdown()
+
+
+TABLE = {"sb3": sb3, "rgb_array": rgb_array, "gymnasium": gymnasium_cartpole, "rllib": rllib}
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore")
+    for name in sys.argv[1:] or TABLE:
+        TABLE[name]()
