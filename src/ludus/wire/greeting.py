@@ -57,7 +57,8 @@ class Greeting:
         return None
 
     def _challenge(self, hello: Hello) -> bytes | None:
-        self.hello, self.version = hello, hello.agree()
+        self.hello = hello
+        self.version = hello.agree()
         if self.version == 1:
             if not self._takes_protocol_1:
                 raise GreetingRefused(
