@@ -122,18 +122,16 @@ OnTrial = Callable[[Trial], None]
 
 @dataclass
 class _Watch:
-    """Reports a run to Optuna, and stops it where it is worse than the others were."""
+    """Reports the first run of a trial to Optuna, and stops it where others were better by then.
+
+    Later runs have their say in the median: an unlucky one shall not end a trial that did well.
+    """
 
     trial: Any
     total_steps: int
     sign: float
     is_pruned: bool = False
-    _run: int = field(default=0)
     _reported: int = field(default=0)
-
-    def begin(self, run: int) -> None:
-        """Watch the next run of the trial, which is compared with those at the same place."""
-        self._run, self._reported = run, 0
 
     def on_update(self, training: Training) -> None:
         progress = training.progress
@@ -144,7 +142,7 @@ class _Watch:
             return
         self._reported = part
         mean = float(np.mean([value or 0.0 for value in returns]))
-        self.trial.report(self.sign * mean, self._run * REPORTS + part)
+        self.trial.report(self.sign * mean, part)
         if self.trial.should_prune():
             self.is_pruned = True
             training.stop()
@@ -242,8 +240,8 @@ class _Runner:
         watch = _Watch(trial, self._base.total_steps, self._sign)
         try:
             while len(outcomes) < self._seeds and not watch.is_pruned:
-                watch.begin(len(outcomes))
-                result = self._train(trial.number, run, len(outcomes), values, watch)
+                hooks = Hooks() if outcomes else Hooks(on_update=watch.on_update)
+                result = self._train(trial.number, run, len(outcomes), values, hooks)
                 if result.signum is not None:
                     return result.signum  # the trial goes on when the sweep is resumed
                 outcomes.append(self._score(result))
@@ -269,7 +267,7 @@ class _Runner:
             self._study.tell(trial, score)
 
     def _train(
-        self, number: int, trial: str, run: int, values: Mapping[str, Any], watch: _Watch
+        self, number: int, trial: str, run: int, values: Mapping[str, Any], hooks: Hooks
     ) -> RunResult:
         own = Layer(f"trial {number}", nest(values))
         name = f"{trial}-{run}" if run else trial
@@ -281,7 +279,7 @@ class _Runner:
         return train(
             (*self._layers, own, Layer("sweep", place)),
             resume=path if has_begun else None,
-            hooks=Hooks(on_update=watch.on_update),
+            hooks=hooks,
         )
 
     def _score(self, result: RunResult) -> tuple[float, bool | None]:
