@@ -81,6 +81,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         pytest.skip(reason)
     _seed_generators()
     patch = item.stash[_patches] = pytest.MonkeyPatch()
+    patch.setenv("XDG_STATE_HOME", _own_state().name)
     if not item.nodeid.startswith("tests/engine/"):  # there, the import itself is tested
         patch.setattr("ludus.engine.importing._run_import", _kept_imports(item.config).run)
     if not (item.get_closest_marker("engine") or item.get_closest_marker("screen")):
@@ -101,6 +102,11 @@ def _kept_imports(config: pytest.Config) -> KeptImports:
     folder = config.rootpath / ".pytest_cache" / "godot_imports"
     folder.mkdir(parents=True, exist_ok=True)
     return KeptImports(folder, getattr(importing, "_run_import"))  # noqa: B009 - it is private
+
+
+@cache
+def _own_state() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="ludus-state-")
 
 
 @cache

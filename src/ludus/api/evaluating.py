@@ -103,7 +103,7 @@ def _config(
     else:
         config = TrainConfig(str(target))
         if len(players) == 1 and find_run(players[0]) is not None:
-            run = trained_config(players[0])
+            run = trained_config(players[0], uses=("godot",))
             config = replace(
                 config,
                 ticks_per_step=run.ticks_per_step,

@@ -61,12 +61,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     is_debug = "--debug" in arguments
-    arguments = [argument for argument in arguments if argument != "--debug"]
+    is_trusting = "--trust" in arguments
+    arguments = [argument for argument in arguments if argument not in {"--debug", "--trust"}]
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(PrintableFormatter("%(levelname)s %(name)s: %(message)s"))
     logging.basicConfig(level=logging.DEBUG if is_debug else logging.WARNING, handlers=[handler])
     try:
-        with _clean_exit_on_sigterm():
+        with _clean_exit_on_sigterm(), _trusting_runs(is_trusting):
             return _dispatch(arguments)
     except KeyboardInterrupt:
         return _after("interrupted", "", EXIT_INTERRUPTED, is_debug)
@@ -97,6 +98,7 @@ def usage() -> str:
             "  -h, --help  show this text; after a command, the help of that command",
             "  --version   show the version",
             "  --debug     show tracebacks and log messages",
+            "  --trust     start the programs that a run names, though your ludus did not make it",
             "",
             "ludus COMMAND --help tells more about a command.",
             "",
@@ -163,6 +165,20 @@ def _report(error: Exception, is_debug: bool) -> int:
         return _report(missing_extra(package), is_debug)
     text = printable(f"error: {type(error).__name__}: {error}")
     return _after(text, "this is a defect; --debug shows the traceback", EXIT_OTHER, is_debug)
+
+
+@contextmanager
+def _trusting_runs(is_trusting: bool) -> Generator[None, None, None]:
+    if not is_trusting:
+        yield
+        return
+    from ludus.runs.trust import IS_TRUSTING
+
+    token = IS_TRUSTING.set(True)
+    try:
+        yield
+    finally:
+        IS_TRUSTING.reset(token)
 
 
 @contextmanager

@@ -28,6 +28,7 @@ from ludus.model.json_file import write_model
 from ludus.model.policy_model import PolicyModel
 from ludus.networks.own_network import MakeNetwork
 from ludus.runs.run_folder import RunFolder
+from ludus.runs.saved import trained_config
 from ludus.settings.train_config import TrainConfig
 from ludus.target import Executable, Scene, Target, parse_target, prepare
 
@@ -80,7 +81,8 @@ def export_policies(
         )
     trained = load_trained(config.run, config.checkpoint, config.policy, networks)
     folder = RunFolder.find(config.run)
-    return _export(trained, config, folder.path, folder.read_config())
+    settings = trained_config(config.run, godot=config.godot) if config.is_tested else None
+    return _export(trained, config, folder.path, settings)
 
 
 def _export(

@@ -159,9 +159,11 @@ def with_run(config: RecordConfig) -> RecordConfig:
     else:
         return config
     from ludus.runs.saved import trained_config
+    from ludus.runs.trust import PROGRAM_SETTINGS
 
     names = ("godot", "ticks_per_step", "max_episode_steps", *(["scene"] if is_run else []))
-    trained = trained_config(run, **{name: getattr(config, name) for name in names})
+    uses = PROGRAM_SETTINGS if is_run else ("godot",)
+    trained = trained_config(run, uses, **{name: getattr(config, name) for name in names})
     changes = {name: getattr(trained, name) for name in names}
     if is_run:
         changes["bridge"] = {**trained.bridge, **config.bridge}

@@ -189,10 +189,14 @@ class RunFolder:
 
     def write_config(self, config: TrainConfig, origins: Mapping[str, str] | None = None) -> None:
         """Save the effective settings, and where those come from that are not defaults."""
-        from ludus.settings.plain import ORIGINS, to_plain
+        from ludus.runs.trust import make_mark
+        from ludus.settings.plain import MARK, ORIGINS, to_plain
 
+        plain = to_plain(config)
         where = {} if origins is None else {ORIGINS: dict(origins)}
-        self.write_json("config.json", to_plain(config) | where)
+        mark = make_mark(plain)
+        made_by = {} if mark is None else {MARK: mark}
+        self.write_json("config.json", plain | where | made_by)
 
     def write_json(self, name: str, values: dict[str, Any]) -> None:
         """Write a small file into the folder, whole or not at all."""
@@ -235,17 +239,23 @@ def stack_layers(
 
     Raises:
         ConfigError: A file cannot be read or is malformed.
+        UsageError: A run that Ludus did not make names a program.
     """
+    from ludus.runs.trust import PROGRAM_SETTINGS, require_trust
     from ludus.settings.merging import Layer
     from ludus.settings.plain import read_file
 
-    layers: list[Layer] = []
-    if run is not None:
-        saved = read_file(run.path / "config.json")
-        layers.append(Layer(f"run {run.path}", saved, is_saved=True))
+    files = [] if run is None else [(run.path / "config.json", f"run {run.path}", True)]
     if config is not None:
-        layers.append(Layer(f"file {config}", read_file(config), config.suffix == ".json"))
-    return (*layers, last)
+        files.append((config, f"file {config}", config.suffix == ".json"))
+    layers = [Layer(origin, read_file(path), is_saved) for path, origin, is_saved in files]
+    layers.append(last)
+    for index, (path, _, is_saved) in enumerate(files):
+        if is_saved:
+            over = set[str]().union(*(layer.values for layer in layers[index + 1 :]))
+            kept = {k: v for k, v in layers[index].values.items() if k not in over}
+            require_trust(path, {k: v for k, v in kept.items() if k in PROGRAM_SETTINGS})
+    return tuple(layers)
 
 
 def _slug(target: str) -> str:

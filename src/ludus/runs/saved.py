@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,25 +13,36 @@ from ludus.networks.policy import Policy
 from ludus.networks.tensors import load_tensors
 from ludus.runs.checkpoint import Checkpoint, check_spec, checkpoint_errors, read_checkpoint
 from ludus.runs.run_folder import RunFolder
-from ludus.settings.plain import saved_policy
+from ludus.runs.trust import PROGRAM_SETTINGS, require_trust
+from ludus.settings.plain import saved_policy, to_plain
 from ludus.settings.train_config import TrainConfig
 from ludus.spec import PolicySpec
 
 __all__ = ["find_checkpoint", "load_policies", "trained_config"]
 
 
-def trained_config(run: Path, **changes: Any) -> TrainConfig:
-    """Return the settings that a run was trained with.
+def trained_config(
+    run: Path, uses: Collection[str] = PROGRAM_SETTINGS, **changes: Any
+) -> TrainConfig:
+    """Return the settings that a run was trained with, to start what they name.
 
     Args:
         run: A run folder, or one of its checkpoints.
+        uses: Which of the settings that name programs are used.
         changes: Settings to take instead, where they are not None.
 
     Raises:
         CheckpointError: There is no such run.
+        UsageError: Ludus did not make the run, and nobody has allowed its programs.
     """
     given = {name: value for name, value in changes.items() if value is not None}
-    return replace(RunFolder.find(run).read_config(), **given)
+    folder = RunFolder.find(run)
+    config = folder.read_config()
+    plain = to_plain(config)
+    require_trust(
+        folder.path / "config.json", {name: plain[name] for name in uses if name not in given}
+    )
+    return replace(config, **given)
 
 
 def load_policies(

@@ -20,6 +20,7 @@ from ludus.settings.policy_config import ALGORITHM_CONFIGS, PolicyConfig, PPOCon
 from ludus.settings.train_config import TrainConfig
 
 __all__ = [
+    "MARK",
     "ORIGINS",
     "as_mapping",
     "changed_settings",
@@ -39,8 +40,9 @@ _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 120
 _short = _SHORT.repr
 
-ORIGINS = "origins"
-"""Where ``config.json`` has the origins of its settings; older ones have none."""
+ORIGINS, MARK = "origins", "made_by"
+"""Where ``config.json`` has the origins of its settings, and the mark of who made it
+(:mod:`ludus.runs.trust`); older ones have none."""
 
 
 def merge_settings(config: Struct, values: Mapping[str, Any], where: str) -> Struct:
@@ -133,7 +135,8 @@ def read_file(path: Path) -> dict[str, Any]:
     except ValueError as error:
         raise ConfigError(f"{path} is not valid {kind}: {error}") from None
     settings = dict(as_mapping(values, "the file", str(path)))
-    settings.pop(ORIGINS, None)
+    for name in (ORIGINS, MARK):
+        settings.pop(name, None)
     return settings
 
 

@@ -26,12 +26,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ludus.disk import disk_errors, write_atomically
+from ludus.disk import disk_errors, read_json, write_atomically
 from ludus.errors import ConfigError, DivergenceError, RunError, SetupError
 from ludus.locks import LockHeld, file_lock
 from ludus.runs.run_folder import RunFolder
+from ludus.runs.trust import PROGRAM_SETTINGS, make_mark, require_trust
 from ludus.settings.merging import Layer, merge
-from ludus.settings.plain import plain_settings, to_plain
+from ludus.settings.plain import MARK, plain_settings, to_plain
 from ludus.settings.train_config import TrainConfig
 from ludus.training.hooks import Hooks, Training
 from ludus.training.loop import train
@@ -351,7 +352,9 @@ def _open_folder(config: SweepConfig | None, resume: Path | None) -> tuple[Path,
         "layers": [
             {**vars(layer), "values": plain_settings(layer.values)} for layer in config.layers
         ],
+        **_programs_of(base),
     }
+    values[MARK] = make_mark(values)
     with disk_errors(f"the sweep {folder}"):
         try:
             folder.mkdir(parents=True)
@@ -365,15 +368,22 @@ def _open_folder(config: SweepConfig | None, resume: Path | None) -> tuple[Path,
 
 def _read_config(folder: Path) -> SweepConfig:
     try:
-        values: Any = json.loads((folder / "sweep.json").read_bytes())
+        values: Any = read_json(folder / "sweep.json")
         layers = tuple(Layer(**layer) for layer in values["layers"])
         seeds = values.get("seeds", 1)
-        return SweepConfig(dict(values["space"]), layers, values["objective"], seeds)
+        config = SweepConfig(dict(values["space"]), layers, values["objective"], seeds)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise RunError(
             f"{folder} is no sweep that can go on: {type(error).__name__}: {error}",
             "name a folder that ludus sweep has made",
         ) from None
+    require_trust(folder / "sweep.json", _programs_of(merge(config.layers)))
+    return config
+
+
+def _programs_of(config: TrainConfig) -> dict[str, Any]:
+    plain = to_plain(config)
+    return {name: plain[name] for name in PROGRAM_SETTINGS}
 
 
 @contextmanager
