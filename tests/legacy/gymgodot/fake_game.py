@@ -137,6 +137,10 @@ def play(link: ClientConnection, walk: Walk) -> None:
         walk.answer(link, request)
 
 
+CROWD = 40
+"""As many visitors say nothing, and stay."""
+
+
 def bother(address: tuple[str, int]) -> None:
     """Connect as others would: a browser with a page, a port scanner."""
     for start in (
@@ -177,6 +181,9 @@ def main() -> None:
         time.sleep(600.0)
     if name in {"bother", "only_bother"}:
         bother(address)
+    if name == "crowd":
+        crowd = [socket.create_connection(address, 10.0) for _ in range(CROWD)]
+        say(f"{len(crowd)} are silent")
     if name == "only_bother":
         time.sleep(600.0)
     if name == "patient":

@@ -162,6 +162,14 @@ def test_other_clients_are_disconnected(opener: Opener, tmp_path: Path) -> None:
     assert "HTTP/1.1 403" in lines[2] or "HTTP/1.1 40" in lines[2]
 
 
+def test_a_crowd_of_silent_visitors_keeps_no_game_out(opener: Opener) -> None:
+    began = time.monotonic()
+    env = opener.fake("crowd")
+    env.reset()
+    assert env.step(STEP)[0].tolist() == [0.25, 1.0]
+    assert time.monotonic() - began < 20.0  # one at a time, they would take minutes
+
+
 def test_taken_port_is_a_start_error(opener: Opener) -> None:
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
