@@ -3,7 +3,9 @@ extends SceneTree
 ## engines/godot4 -s tests/fuzz_frames.gd -- --golden=FOLDER --seed=N --frames=N[/code]. Prints how
 ## many there were and how many were allowed; a script that fails prints an error of its own.
 
+const LudusArguments := preload("res://addons/ludus/bridge/arguments.gd")
 const LudusCall := preload("res://addons/ludus/bridge/call.gd")
+const LudusGreeting := preload("res://addons/ludus/bridge/greeting.gd")
 const LudusHandshake := preload("res://addons/ludus/bridge/handshake.gd")
 const LudusLink := preload("res://addons/ludus/bridge/link.gd")
 const LudusMetrics := preload("res://addons/ludus/bridge/metrics.gd")
@@ -16,6 +18,7 @@ const Golden := preload("golden.gd")
 const TestGolden := preload("test_golden.gd")
 
 const NUM_WORLDS := 2
+const TOKEN := "a secret of the campaign"
 const ODD: Array[Variant] = [
 	null, true, 0, -1, 1.5, 1e300, 9223372036854775807, "", "x", [], [[]], {}, [null], {"a": {}}
 ]
@@ -33,6 +36,7 @@ var _arguments: Dictionary = {}
 func _initialize() -> void:
 	# Nodes can enter the tree only when it runs.
 	_run.call_deferred()
+	quit.call_deferred()  # after an error in a script, too
 
 
 func _run() -> void:
@@ -46,7 +50,6 @@ func _run() -> void:
 	for i: int in num_frames:
 		num_read += int(_read(_mutate()))
 	print("%d frames, %d read" % [num_frames, num_read])
-	quit()
 
 
 func _load_goldens(folder: String) -> void:
@@ -105,18 +108,15 @@ func _with_odd(value: Variant) -> Variant:
 
 ## Reads a frame from a stream, as the bridge does. Returns whether it is allowed.
 func _read(frame: PackedByteArray) -> bool:
-	var stream := StreamPeerBuffer.new()
-	stream.data_array = frame
-	var link := LudusLink.new()
-	link.set("_stream", stream)
+	var link := _link_with(frame)
 	if not link.receive():
 		return false
 	var is_read := true
 	match link.type:
 		LudusWire.Type.WELCOME:
-			var message: Variant = LudusWire.read_json(link.payload)
-			var handshake := LudusHandshake.new(link, "", {})
-			is_read = message != null and bool(handshake.call("_accept", message))
+			is_read = _greet(frame)
+		LudusWire.Type.CHALLENGE:
+			is_read = _prove(frame)
 		LudusWire.Type.RESET:
 			is_read = not LudusWire.read_reset(link.payload, NUM_WORLDS).is_empty()
 		LudusWire.Type.STEP:
@@ -128,6 +128,30 @@ func _read(frame: PackedByteArray) -> bool:
 		LudusWire.Type.ERROR:
 			is_read = LudusWire.read_json(link.payload) != null
 	return is_read
+
+
+## A connection on which no more than [param frame] will ever come.
+func _link_with(frame: PackedByteArray) -> LudusLink:
+	var stream := StreamPeerBuffer.new()
+	stream.data_array = frame
+	var link := LudusLink.new()
+	link.set("_stream", stream)
+	link.set("_watch", Thread.new())  # without one, the link would wait for the rest of a frame
+	return link
+
+
+func _greet(frame: PackedByteArray) -> bool:
+	var link := _link_with(frame)
+	link.is_proven = true
+	return LudusHandshake.new(link, LudusArguments.new(), {}).greet()
+
+
+## Whoever does not know the nonce cannot prove anything, so that no challenge is allowed.
+func _prove(frame: PackedByteArray) -> bool:
+	var greeting := LudusGreeting.new(StreamPeerBuffer.new(), {}, TOKEN, 1000)
+	greeting.set("_received", frame)
+	greeting.call("_read_frame")
+	return greeting.state == LudusGreeting.State.PROVEN
 
 
 func _apply(payload: PackedByteArray) -> bool:

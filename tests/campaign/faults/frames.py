@@ -13,7 +13,7 @@ from typing import Any, cast
 from ludus.errors import EngineStartError, GameError, ProtocolError
 from ludus.spec.finite import check_finite
 from ludus.wire.frames import HEADER_BYTES, FrameType, decode_json, encode_frame
-from ludus.wire.handshake import Hello
+from ludus.wire.greeting import Greeting
 from ludus.wire.requests import read_requests, split_metrics
 from ludus.wire.spec_reader import read_spec
 from ludus.wire.step import BatchDecoder
@@ -53,7 +53,7 @@ def fuzz_frames(the_round: Round, read: Callable[[bytes], None] | None = None) -
 @cache
 def load_goldens() -> list[Golden]:
     """Return the golden frames that an engine may send."""
-    ours = {FrameType.WELCOME, FrameType.RESET, FrameType.STEP}
+    ours = {FrameType.CHALLENGE, FrameType.WELCOME, FrameType.RESET, FrameType.STEP}
     return [golden for golden in load_all() if golden.type not in ours]
 
 
@@ -113,10 +113,12 @@ def read_stream(data: bytes) -> None:
 def _read_frame(frame_type: FrameType, payload: bytes) -> None:
     match frame_type:
         case FrameType.HELLO:
-            hello = Hello.from_json(decode_json(payload, "HELLO"))
-            if hello.training is not None:
+            hello = _greet(payload).hello
+            if hello is not None and hello.training is not None:
                 read_training(hello.training)
-            hello.agree()
+        case FrameType.PROOF:
+            greeting = _greet(next(one.payload for one in load_goldens() if one.name == "hello"))
+            greeting.answer(frame_type, payload)
         case FrameType.SPEC:
             BatchDecoder(read_spec(decode_json(payload, "SPEC")))
         case FrameType.RESULT:
@@ -131,6 +133,13 @@ def _read_frame(frame_type: FrameType, payload: bytes) -> None:
             pass
         case _:
             decode_json(payload, frame_type.name)
+
+
+def _greet(payload: bytes) -> Greeting:
+    greeting = Greeting("a secret of the campaign", takes_protocol_1=True)
+    greeting.state.receive(FrameType.HELLO)
+    greeting.answer(FrameType.HELLO, payload)
+    return greeting
 
 
 def _read_batch(decoder: BatchDecoder, policies: dict[str, Any], payload: bytes) -> None:
