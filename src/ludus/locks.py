@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ludus.errors import SetupError
 
-__all__ = ["LockHeld", "file_lock"]
+__all__ = ["LockHeld", "file_lock", "try_lock"]
 
 _POLL_S = 0.05
 
@@ -23,7 +23,8 @@ class LockHeld(SetupError):  # noqa: N818 - reads as what happened
 if sys.platform == "win32":
     import msvcrt
 
-    def _try_lock(descriptor: int) -> bool:
+    def try_lock(descriptor: int) -> bool:
+        """Lock an open file, or on POSIX a folder; return False if another process has it."""
         try:
             msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
         except OSError:
@@ -37,7 +38,8 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-    def _try_lock(descriptor: int) -> bool:
+    def try_lock(descriptor: int) -> bool:
+        """Lock an open file, or on POSIX a folder; return False if another process has it."""
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -72,7 +74,7 @@ def file_lock(path: Path, timeout_s: float) -> Generator[None, None, None]:
 
 def _wait_for(descriptor: int, path: Path, timeout_s: float) -> None:
     deadline = time.monotonic() + timeout_s
-    while not _try_lock(descriptor):
+    while not try_lock(descriptor):
         if time.monotonic() >= deadline:
             raise LockHeld(
                 f"another process has held {path} for {timeout_s:.0f} s",

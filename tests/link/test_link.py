@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import signal
 import socket
 import struct
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -242,3 +246,19 @@ def test_connecting_to_nobody() -> None:
         bound.bind(("127.0.0.1", 0))
         with pytest.raises(OSError, match="refused"):
             connect(bound.getsockname(), PATIENCE_S)
+
+
+def test_the_sockets_of_a_killed_trainer_go_when_the_next_one_listens(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    pid = os.fork()
+    if pid == 0:
+        Listener()
+        os.kill(os.getpid(), signal.SIGKILL)
+    os.waitpid(pid, 0)
+    (abandoned,) = tmp_path.iterdir()
+    with contextlib.closing(Listener()), contextlib.closing(Listener()):
+        assert not abandoned.exists()
+        assert len(list(tmp_path.iterdir())) == 2
+    assert not list(tmp_path.iterdir())

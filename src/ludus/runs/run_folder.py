@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ludus.disk import disk_errors, write_atomically
-from ludus.errors import CheckpointError, RunError
+from ludus.errors import CheckpointError, ConfigError, RunError
 from ludus.locks import LockHeld, file_lock
 
 if TYPE_CHECKING:
@@ -249,6 +249,12 @@ def stack_layers(
     if config is not None:
         files.append((config, f"file {config}", config.suffix == ".json"))
     layers = [Layer(origin, read_file(path), is_saved) for path, origin, is_saved in files]
+    # Every run has saved a target, though an empty one where a script opened the game.
+    if run is not None and "target" not in layers[0].values:
+        raise ConfigError(
+            f"{files[0][0]} has no setting target, so that it is not what a run has saved",
+            "bring back the file, or start a new run",
+        )
     layers.append(last)
     for index, (path, _, is_saved) in enumerate(files):
         if is_saved:

@@ -35,7 +35,9 @@ Sink = Literal["wandb", "mlflow", "trackio"]
 SEED = Check("from 0 to 2^63 - 1", lambda seed: 0 <= seed < 2**63)
 FOLDER_NAME = Check(
     "a folder name",
-    lambda name: re.fullmatch(r"[^/\\\0\ud800-\udfff]*", name) is not None and name not in {".", ".."},
+    lambda name: (
+        re.fullmatch(r"[^/\\\0\ud800-\udfff]*", name) is not None and name not in {".", ".."}
+    ),
 )
 
 

@@ -9,6 +9,7 @@ import signal
 from pathlib import Path
 from typing import Any
 
+from tests.campaign.faults.kill import MAX_CHANGES, die_at_change
 from tests.campaign.promises import check_all, check_ending
 from tests.campaign.rounds import Round, pick
 
@@ -30,15 +31,13 @@ KINDS = (
 def damage_files(the_round: Round) -> None:
     """End a run, or kill it, and change one to three of its files."""
     chance = the_round.chance
-    delay_s = chance.uniform(0.3, 1.5)
+    last = chance.randrange(40, MAX_CHANGES)
     is_killed = chance.random() < 0.5
     wishes = [(chance.random(), chance.choice(KINDS), chance.getrandbits(64))
               for _ in range(chance.choice([1, 1, 2, 3]))]  # fmt: skip
-    trainer = the_round.begin()
-    if is_killed and trainer.wait(delay_s) is None:
-        trainer.signal(signal.SIGKILL)
-        the_round.counts["kills"] += 1
+    trainer = the_round.begin(before=die_at_change(last, the_round.run) if is_killed else None)
     check_ending(trainer, -signal.SIGKILL)
+    the_round.counts["kills"] += trainer.wait() == -signal.SIGKILL
     if the_round.run.exists():
         shutil.copytree(the_round.run, the_round.folder / "whole")
     files = [path for path in sorted(the_round.run.rglob("*")) if path.is_file()]

@@ -17,7 +17,7 @@ from typing import Any
 from tests.campaign.promises import check_all, check_checkpoints, check_ending
 from tests.campaign.rounds import Round, TrainerProcess, pick
 
-__all__ = ["find_engine", "kill_engine", "kill_trainer", "kill_trainer_of_game"]
+__all__ = ["die_at_change", "find_engine", "kill_engine", "kill_trainer", "kill_trainer_of_game"]
 
 CHANGES = {"os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate", "os.link"}
 MAX_CHANGES = 150
@@ -46,7 +46,7 @@ def _kill_repeatedly(the_round: Round, times: int, longest_s: float) -> None:
             the_round.run = the_round.run.with_name(f"{the_round.run.name}-again")
         # So that there is something left to train, and to kill.
         more = {"total_steps": 100_000} if can_resume else {}
-        before = None if after is None else _die_at_change(after, the_round.run)
+        before = None if after is None else die_at_change(after, the_round.run)
         where = f"{delay_s:.3f} s" if after is None else f"change {after}"
         the_round.decide(f"kill the trainer after {where}")
         trainer = the_round.begin(resume=can_resume, before=before, **more)
@@ -58,7 +58,7 @@ def _kill_repeatedly(the_round: Round, times: int, longest_s: float) -> None:
     check_all(the_round)
 
 
-def _die_at_change(number: int, folder: Path) -> Callable[[], None]:
+def die_at_change(number: int, folder: Path) -> Callable[[], None]:
     """Return what makes a process die before its ``number``-th change inside a folder."""
 
     def plant() -> None:
