@@ -28,6 +28,10 @@ var _flat_size: int = -1
 var _lost: LudusLostTarget
 var _slot_worlds: PackedInt32Array = []
 var _discrete: PackedInt64Array = []
+## What each slot that acts is handed in every tick of the step, unless that is one choice.
+var _actions: Array[Variant] = []
+## What an inactive slot may do: everything.
+var _free_mask: PackedByteArray = []
 var _continuous: PackedFloat32Array = []
 var _steps: PackedInt32Array = []
 var _rewards: PackedFloat32Array = []
@@ -50,6 +54,8 @@ func _init(
 	layout = LudusPolicyLayout.new(members[0], max_steps_override, known_entries)
 	error = layout.error
 	_lost = LudusLostTarget.new(layout.entries)
+	_free_mask.resize(layout.mask_size)
+	_free_mask.fill(1)
 	if layout.is_flat():
 		_flat_size = layout.entries[0].size()
 	replace_agents(members)
@@ -160,6 +166,8 @@ func find_wrong_choice() -> String:
 
 ## Hands the actions that were read to the game.
 func hand_out_actions() -> void:
+	if layout.num_discrete != 1 or layout.continuous_size > 0:
+		_unpack_actions()
 	_apply()
 
 
@@ -167,7 +175,7 @@ func hand_out_actions() -> void:
 func set_actions(discrete: PackedInt64Array, continuous: PackedFloat32Array) -> void:
 	_discrete = discrete
 	_continuous = continuous
-	_apply()
+	hand_out_actions()
 
 
 ## Hands the game the same actions again, in the later ticks of a step.
@@ -234,14 +242,11 @@ func append_observations(frame: PackedByteArray) -> void:
 
 ## Appends the action masks of all slots; inactive slots may do everything.
 func append_masks(frame: PackedByteArray) -> void:
-	var free := PackedByteArray()
-	free.resize(layout.mask_size)
-	free.fill(1)
 	for slot: int in _targets.size():
-		var mask: Variant = _targets[slot].get_action_mask() if active[slot] == 1 else free
+		var mask: Variant = _targets[slot].get_action_mask() if active[slot] == 1 else _free_mask
 		if mask is not PackedByteArray or len(mask) != layout.mask_size:
 			_fail(slot, "get_action_mask()", "%d bytes" % layout.mask_size, mask)
-			mask = free
+			mask = _free_mask
 		frame.append_array(mask)
 	LudusWire.pad(frame)
 
@@ -280,6 +285,13 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 	set_actions(layout.random_choices(num, rng), layout.random_numbers(num, rng))
 
 
+func _unpack_actions() -> void:
+	_actions.resize(active.size())
+	for slot: int in active.size():
+		if active[slot] == 1:
+			_actions[slot] = layout.action_of(slot, _discrete, _continuous)
+
+
 func _apply() -> void:
 	if layout.num_discrete == 1 and layout.continuous_size == 0:
 		for slot: int in _targets.size():
@@ -288,7 +300,7 @@ func _apply() -> void:
 		return
 	for slot: int in _targets.size():
 		if active[slot] == 1:
-			_targets[slot].apply_action(layout.action_of(slot, _discrete, _continuous))
+			_targets[slot].apply_action(_actions[slot])
 
 
 func _end(slot: int) -> void:

@@ -103,8 +103,7 @@ func _apply() -> void:
 	else:
 		for slot: int in _simulations.size():
 			if active[slot] == 1:
-				var action: Variant = layout.action_of(slot, _discrete, _continuous)
-				_simulations[slot].apply_action(_indices[slot], action)
+				_simulations[slot].apply_action(_indices[slot], _actions[slot])
 
 
 func _append_flat(frame: PackedByteArray) -> void:
