@@ -103,7 +103,8 @@ func _prove() -> bool:
 
 
 func _accept(welcome: Dictionary) -> bool:
-	var protocol := int(welcome.get("protocol", 0))
+	var chosen: Variant = welcome.get("protocol")
+	var protocol := int(chosen) if chosen is float or chosen is int else 0
 	if protocol < LudusWire.PROTOCOL_MIN or protocol > LudusWire.PROTOCOL_MAX:
 		hint = "upgrade the add-on with `ludus addon install PROJECT`"
 		return _refuse(
