@@ -162,14 +162,14 @@ def test_a_damaged_config_is_one_error_with_its_name(
     assert list_runs(run.parent) == []
 
 
-@pytest.mark.parametrize(
-    "values",
-    [
-        {"seed": [[[[]]]]}, {"total_steps": 10**400}, {"policies": [1]}, {"policies": {"agent": 3}},
-        {"ppo": "x"}, {"schedule": [{"updates": {}}]}, {"num_worlds": 1e999}, {"target": 5},
-        {"ppo": {"learning_rate": 10**400}}, {"runs": {}}, {"league": 1},
-    ],
-)  # fmt: skip
+WRONG_VALUES: list[dict[str, Any]] = [
+    {"seed": [[[[]]]]}, {"total_steps": 10**400}, {"policies": [1]}, {"policies": {"agent": 3}},
+    {"ppo": "x"}, {"schedule": [{"updates": {}}]}, {"num_worlds": 1e999}, {"target": 5},
+    {"ppo": {"learning_rate": 10**400}}, {"runs": {}}, {"league": 1},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("values", WRONG_VALUES)
 def test_settings_of_the_wrong_type_name_the_file(
     values: dict[str, Any], run: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
