@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import multiprocessing.pool
+import multiprocessing.spawn  # noqa: F401 - before tests replace sys.modules
 import os
 import subprocess
 import sys
@@ -16,8 +18,17 @@ from ludus.folder_imports import look_in_current_folder
 SCRIPT = [str(Path(sys.executable).with_name("ludus"))]
 MODULE = [sys.executable, "-m", "ludus"]
 
-HOSTILE = ("_winapi", "nt", "dill", "org")
-"""Names that the standard library and PyTorch try to import, whether or not they are there."""
+SERVER = [sys.executable, "-P", "-m", "ludus.cli"]
+"""As a game starts its trainer."""
+
+HOSTILE = ("_winapi", "nt", "dill", "org", "pynvml", "onnx", "optuna", "wandb")
+"""Names that the standard library, PyTorch and Ludus try to import, there or not."""
+ALL_COMMANDS = """
+from ludus.cli.main import COMMANDS, main
+for command in COMMANDS:
+    assert main([command, "--help"]) == 0, command
+    main([command, "no-such-thing"])
+"""
 
 GAMES = """
 import gymnasium
@@ -83,7 +94,7 @@ def run(command: list[str], *arguments: str) -> subprocess.CompletedProcess[str]
     )
 
 
-@pytest.mark.parametrize("command", [SCRIPT, MODULE], ids=["script", "module"])
+@pytest.mark.parametrize("command", [SCRIPT, MODULE, SERVER], ids=["script", "module", "server"])
 @pytest.mark.parametrize("arguments", ["engine list", "train --help"])
 def test_no_file_of_the_current_folder_runs(
     folder: Path, command: list[str], arguments: str
@@ -95,6 +106,12 @@ def test_no_file_of_the_current_folder_runs(
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="forkserver")
+def test_no_command_runs_a_file_of_the_current_folder(folder: Path) -> None:
+    done = run([sys.executable, "-P", "-c", ALL_COMMANDS])
+    assert done.returncode == 0, done.stderr
+    assert not (folder / "ran").exists(), (folder / "ran").read_text()
+
+
 def test_a_game_and_its_neighbours_are_imported_and_nothing_else(folder: Path) -> None:
     (folder / "my_games.py").write_text(GAMES)
     (folder / "game.py").write_text(GAME)
