@@ -52,7 +52,7 @@ pub struct Hello {
     /// Features it has.
     pub capabilities: Vec<String>,
     /// What the trainer's proof is about, 64 hexadecimal digits; empty in protocol 1.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub nonce: String,
     /// What a game that guides its training says of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -96,7 +96,7 @@ fn with_floats(value: &Value) -> Value {
 
 #[test]
 fn hello_is_whole() {
-    is_whole::<Hello>(FrameType::Hello, &["mood", "token", "nonce"]);
+    is_whole::<Hello>(FrameType::Hello, &["mood", "token"]);
 }
 
 #[test]
