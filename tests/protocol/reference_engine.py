@@ -54,8 +54,8 @@ LIMITS = {
 FRAME_TIMEOUT_S = 30.0  # for the rest of a frame that has begun
 CONNECT_TIMEOUT_S = 10.0
 GREETING_TIMEOUT_S = 60.0
-GUEST_TIMEOUT_S = 10.0  # for the greeting of one who has connected to a listening engine
-MAX_GUESTS = 64
+GREETING_TIMEOUT_S = 10.0  # for the greeting of one who has connected to a listening engine
+MAX_PENDING = 64
 MIN_TOKEN_LENGTH = 16
 LISTEN_TIMEOUT_S = 600.0
 
@@ -600,19 +600,19 @@ def listen(address: str, token_file: str | None) -> Connection:
     family, where = parse_address(address)
     is_local = is_on_this_machine(address)
     proven: queue.SimpleQueue[Connection | DisconnectedError] = queue.SimpleQueue()
-    guests: collections.deque[Connection] = collections.deque()
+    pending: collections.deque[Connection] = collections.deque()
 
-    def greet(guest: Connection) -> None:
+    def greet(client: Connection) -> None:
         try:
             # Now, since a trainer on this machine may have written its token just before.
             token = find_token(token_file, is_local=is_local)
-            shake_hands(guest, token, GUEST_TIMEOUT_S)
-            proven.put(guest)
+            shake_hands(client, token, GREETING_TIMEOUT_S)
+            proven.put(client)
         except DisconnectedError as error:
             if error.exit_code:
                 proven.put(error)
         except ProtocolError as error:
-            tell_failure(guest, error)
+            tell_failure(client, error)
 
     if not is_local and len(find_token(token_file, is_local=False)) < MIN_TOKEN_LENGTH:
         raise SystemExit("other machines need --ludus-token-file with at least 16 characters")
@@ -626,16 +626,16 @@ def listen(address: str, token_file: str | None) -> Connection:
         deadline = time.monotonic() + LISTEN_TIMEOUT_S
         while proven.empty() and time.monotonic() < deadline:
             with contextlib.suppress(TimeoutError):
-                guests.append(Connection(listener.accept()[0]))
-                threading.Thread(target=greet, args=(guests[-1],), daemon=True).start()
-            if len(guests) > MAX_GUESTS:
-                guests.popleft().close()
+                pending.append(Connection(listener.accept()[0]))
+                threading.Thread(target=greet, args=(pending[-1],), daemon=True).start()
+            if len(pending) > MAX_PENDING:
+                pending.popleft().close()
     if proven.empty():
         raise SystemExit("no trainer has connected")
     trainer = proven.get()
-    for guest in guests:
-        if guest is not trainer:
-            guest.close()
+    for client in pending:
+        if client is not trainer:
+            client.close()
     if isinstance(trainer, DisconnectedError):
         raise trainer
     return trainer

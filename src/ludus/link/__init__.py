@@ -1,9 +1,9 @@
 """Sockets with deadlines."""
 
+from ludus.link.acceptor import EngineAcceptor
 from ludus.link.byte_stream import ByteStream, connect_until, refuse_stranger
-from ludus.link.door import Door
-from ludus.link.guest import Guest, is_closed_by_peer
 from ludus.link.peer import is_strangers, listener_is_strangers
+from ludus.link.pending_connection import PendingConnection, is_closed_by_peer
 from ludus.link.sockets import (
     BACKLOG,
     Link,
@@ -17,11 +17,11 @@ from ludus.link.sockets import (
 __all__ = [
     "BACKLOG",
     "ByteStream",
-    "Door",
-    "Guest",
+    "EngineAcceptor",
     "Link",
     "LinkClosed",
     "Listener",
+    "PendingConnection",
     "connect",
     "connect_until",
     "is_closed_by_peer",

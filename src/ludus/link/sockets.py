@@ -220,7 +220,9 @@ class Listener:
         self.addresses.append(address)
 
     def accept(self, timeout_s: float, check: Callable[[], None]) -> Link:
-        """Wait for whoever connects first, unasked; :class:`~ludus.link.door.Door` asks.
+        """Wait for the first client, and take it unproven.
+
+        :class:`~ludus.link.acceptor.EngineAcceptor` asks for a proof.
 
         Args:
             timeout_s: Longest wait, seconds; also the deadline of the link.

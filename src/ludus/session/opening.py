@@ -27,7 +27,7 @@ from ludus.engine import (
     with_display,
 )
 from ludus.errors import EngineCrashed, EngineStartError, EngineTimeout
-from ludus.link import Door, Guest, Link, Listener, connect, is_loopback
+from ludus.link import EngineAcceptor, Link, Listener, PendingConnection, connect, is_loopback
 from ludus.session.engine_session import EngineSession, RendererMissing
 from ludus.session.supervision import Supervision
 from ludus.session.user_token import user_token
@@ -130,8 +130,8 @@ def _launch(
         process = EngineProcess.start(launch)
         deadline = time.monotonic() + options.start_timeout_s
         try:
-            guest = _await_engine(
-                Door(
+            connection = _await_engine(
+                EngineAcceptor(
                     listener.sockets,
                     lambda: Greeting(token, takes_protocol_1=True),
                     options.start_timeout_s,
@@ -148,10 +148,10 @@ def _launch(
         except BaseException:
             process.terminate()
             raise
-    if guest.greeting.version == 1:
-        _warn_of_protocol_1(guest.greeting.hello)
+    if connection.greeting.version == 1:
+        _warn_of_protocol_1(connection.greeting.hello)
     left_s = max(_MIN_GREETING_S, deadline - time.monotonic())
-    return _converse(guest, left_s, process, config, options)
+    return _converse(connection, left_s, process, config, options)
 
 
 def _has_unix_sockets(game: Scene | Executable) -> bool:
@@ -162,11 +162,13 @@ def _has_unix_sockets(game: Scene | Executable) -> bool:
     return is_bevy_game(game.path) or (exported_version(game.path) or ()) >= _FIRST_GODOT_WITH_UNIX
 
 
-def _await_engine(door: Door, timeout_s: float, check: Callable[[], None]) -> Guest:
+def _await_engine(
+    acceptor: EngineAcceptor, timeout_s: float, check: Callable[[], None]
+) -> PendingConnection:
     """Wait for the first engine that proves itself; drop all others.
 
     Args:
-        door: Where engines come; closed afterwards.
+        acceptor: Where engines come; closed afterwards.
         timeout_s: Longest wait, seconds.
         check: Called about ten times a second; raises if waiting has become pointless.
 
@@ -175,18 +177,18 @@ def _await_engine(door: Door, timeout_s: float, check: Callable[[], None]) -> Gu
         EngineTimeout: None came in time.
     """
     deadline = time.monotonic() + timeout_s
-    with contextlib.closing(door):
+    with contextlib.closing(acceptor):
         try:
             while time.monotonic() < deadline:
-                for guest in door.await_guests():
-                    return guest
+                for connection in acceptor.await_proven():
+                    return connection
                 check()
         except EngineCrashed as error:
             # The game has printed what it was told; a stranger that was refused has not.
-            if door.refusal is not None and door.refusal.message in error.message:
-                raise door.refusal from error
+            if acceptor.refusal is not None and acceptor.refusal.message in error.message:
+                raise acceptor.refusal from error
             raise
-    refused = "" if door.refusal is None else f"; one was refused: {door.refusal}"
+    refused = "" if acceptor.refusal is None else f"; one was refused: {acceptor.refusal}"
     raise EngineTimeout(f"no engine connected within {timeout_s:g} s{refused}")
 
 
@@ -202,15 +204,15 @@ def _warn_of_protocol_1(hello: Hello) -> None:
 
 
 def _converse(
-    guest: Guest,
+    connection: PendingConnection,
     timeout_s: float,
     process: EngineProcess | None,
     config: EngineConfig,
     options: LaunchOptions,
 ) -> EngineSession:
-    link = Link(guest.socket, timeout_s, bytes(guest.received))
+    link = Link(connection.socket, timeout_s, bytes(connection.received))
     supervision = Supervision(process)
-    return EngineSession(link, config, supervision, guest.greeting, options.step_timeout_s)
+    return EngineSession(link, config, supervision, connection.greeting, options.step_timeout_s)
 
 
 def _command(
@@ -260,9 +262,11 @@ def _await_play(game: Play, config: EngineConfig, options: LaunchOptions) -> Eng
             hint="another trainer may be waiting there; end it first",
         ) from error
     with contextlib.closing(listener):
-        door = Door(listener.sockets, lambda: Greeting(token), options.start_timeout_s)
-        guest = _await_engine(door, options.play_timeout_s, lambda: None)
-    return _converse(guest, options.start_timeout_s, None, config, options)
+        acceptor = EngineAcceptor(
+            listener.sockets, lambda: Greeting(token), options.start_timeout_s
+        )
+        connection = _await_engine(acceptor, options.play_timeout_s, lambda: None)
+    return _converse(connection, options.start_timeout_s, None, config, options)
 
 
 def _token_for(game: Address, token: str) -> str:

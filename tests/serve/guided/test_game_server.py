@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from ludus.errors import SetupError
-from ludus.link.door import MAX_PENDING
+from ludus.link.acceptor import MAX_PENDING
 from ludus.serve.guided.game_server import (
     POLL_S,
     RELEASE_WAIT_S,

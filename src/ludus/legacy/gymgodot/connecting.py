@@ -21,7 +21,7 @@ DEFAULT_RENDER_PATH = "./render_frames/"
 
 _POLL_S = 0.01
 _HANDSHAKE_S = 5.0
-_MAX_GUESTS = 64
+_MAX_PENDING = 64
 """Where more shake hands at once, who has been there longest has to go: a game takes no time."""
 _NO_SCREEN = "Display is not available"
 _SILENCE_HINT = (
@@ -98,25 +98,25 @@ def _await_game(
     """Wait for a game; other clients are disconnected, and none keeps the game waiting."""
     deadline = time.monotonic() + address.start_timeout_s
     refused = ""
-    guests: list[_Guest] = []
+    pending: list[_PendingClient] = []
     listener.setblocking(False)
     try:
         while time.monotonic() < deadline:
             _check_alive(watch)
-            refused = _accept(listener, address, guests) or refused
-            for guest in list(guests):
+            refused = _accept(listener, address, pending) or refused
+            for client in list(pending):
                 try:
-                    if guest.has_shaken_hands(watch.check_alive):
-                        guests.remove(guest)
-                        return guest.stream, guest.framing
+                    if client.has_shaken_hands(watch.check_alive):
+                        pending.remove(client)
+                        return client.stream, client.framing
                 except (ProtocolError, EngineTimeout, LinkClosed) as error:
                     refused = f"; what did connect was no game: {error}"
-                    guests.remove(guest)
-                    guest.stream.close()
+                    pending.remove(client)
+                    client.stream.close()
             time.sleep(_POLL_S)
     finally:
-        for guest in guests:
-            guest.stream.close()
+        for client in pending:
+            client.stream.close()
     raise EngineStartError(
         f"no game connected within {address.start_timeout_s:g} s{refused} at "
         f"{address.host}:{listener.getsockname()[1]}{watch.report()}",
@@ -125,7 +125,7 @@ def _await_game(
     )
 
 
-def _accept(listener: socket.socket, address: Address, guests: list[_Guest]) -> str:
+def _accept(listener: socket.socket, address: Address, pending: list[_PendingClient]) -> str:
     """Take in who has connected; return why one was turned away, if any was."""
     try:
         connection, _ = listener.accept()
@@ -134,13 +134,15 @@ def _accept(listener: socket.socket, address: Address, guests: list[_Guest]) -> 
     if is_strangers(connection):
         connection.close()
         return "; what did connect was another user's program"
-    guests.append(_Guest(ByteStream(connection), WebSocketFraming(address.max_message_bytes)))
-    if len(guests) > _MAX_GUESTS:
-        guests.pop(0).stream.close()
+    pending.append(
+        _PendingClient(ByteStream(connection), WebSocketFraming(address.max_message_bytes))
+    )
+    if len(pending) > _MAX_PENDING:
+        pending.pop(0).stream.close()
     return ""
 
 
-class _Guest:
+class _PendingClient:
     """One who has connected, and has not shaken hands yet."""
 
     def __init__(self, stream: ByteStream, framing: WebSocketFraming) -> None:

@@ -14,7 +14,14 @@ from contextlib import closing
 from dataclasses import dataclass
 
 from ludus.errors import ProtocolError, SetupError
-from ludus.link import BACKLOG, Door, Guest, Link, is_closed_by_peer, listen_tcp
+from ludus.link import (
+    BACKLOG,
+    EngineAcceptor,
+    Link,
+    PendingConnection,
+    is_closed_by_peer,
+    listen_tcp,
+)
 from ludus.wire.greeting import Greeting
 from ludus.wire.training import Training, read_training
 
@@ -50,7 +57,7 @@ class ConnectedGame:
 class _WaitingGame:
     """A game that has proved itself and waits, until ``deadline``, for the current one to go."""
 
-    guest: Guest
+    connection: PendingConnection
     training: Training
     deadline: float
 
@@ -76,7 +83,7 @@ class GameServer:
     ) -> None:
         listener = _listen(port)
         self.port = int(listener.getsockname()[1])
-        self._door = Door([listener], lambda: Greeting(token), hello_timeout_s)
+        self._acceptor = EngineAcceptor([listener], lambda: Greeting(token), hello_timeout_s)
         self._link_timeout_s = link_timeout_s
         self._waiting: list[_WaitingGame] = []
         self._is_closing = threading.Event()
@@ -111,23 +118,23 @@ class GameServer:
             self._current = None
 
     def _run(self) -> None:
-        with closing(self._door):
+        with closing(self._acceptor):
             while not self._is_closing.is_set():
-                for guest in self._door.await_guests(POLL_S):
-                    self._wait(guest)
+                for connection in self._acceptor.await_proven(POLL_S):
+                    self._wait(connection)
                 self._settle_waiting()
         for game in self._waiting:
-            game.guest.socket.close()
+            game.connection.socket.close()
 
-    def _wait(self, guest: Guest) -> None:
-        hello = guest.greeting.hello
+    def _wait(self, connection: PendingConnection) -> None:
+        hello = connection.greeting.hello
         assert hello is not None, "it has proved itself"
         try:
             training = Training() if hello.training is None else read_training(hello.training)
         except ProtocolError as error:
-            self._door.reject(guest, error, "config")
+            self._acceptor.reject(connection, error, "config")
             return
-        self._waiting.append(_WaitingGame(guest, training, time.monotonic() + RELEASE_WAIT_S))
+        self._waiting.append(_WaitingGame(connection, training, time.monotonic() + RELEASE_WAIT_S))
 
     def _settle_waiting(self) -> None:
         for game in list(self._waiting):
@@ -135,23 +142,23 @@ class GameServer:
                 if not self._settle(game):
                     continue
             except Exception:
-                log.exception("a defect of ludus serve; %s was dropped", game.guest.name)
-                game.guest.socket.close()
+                log.exception("a defect of ludus serve; %s was dropped", game.connection.name)
+                game.connection.socket.close()
             self._waiting.remove(game)
 
     def _settle(self, game: _WaitingGame) -> bool:
         """Accept, drop or reject a game; return False if it has to go on waiting."""
-        guest = game.guest
-        if is_closed_by_peer(guest.socket):
-            log.warning("%s disconnected before it could be accepted", guest.name)
-            guest.socket.close()
+        connection = game.connection
+        if is_closed_by_peer(connection.socket):
+            log.warning("%s disconnected before it could be accepted", connection.name)
+            connection.socket.close()
             return True
         if self._accept_game(game):
             return True
         if time.monotonic() <= game.deadline:
             return False
         hint = "wait until it has ended, or start another ludus serve at another --port"
-        self._door.reject(guest, SetupError("another game is being trained", hint), "busy")
+        self._acceptor.reject(connection, SetupError("another game is being trained", hint), "busy")
         return True
 
     def _accept_game(self, game: _WaitingGame) -> bool:
@@ -161,9 +168,9 @@ class GameServer:
                 return False
             if self._next is not None:
                 self._next.link.close()
-            guest = game.guest
-            link = Link(guest.socket, self._link_timeout_s, bytes(guest.received))
-            self._next = ConnectedGame(link, guest.greeting, game.training, guest.name)
+            connection = game.connection
+            link = Link(connection.socket, self._link_timeout_s, bytes(connection.received))
+            self._next = ConnectedGame(link, connection.greeting, game.training, connection.name)
             self._changed.notify_all()
             return True
 

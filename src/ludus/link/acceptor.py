@@ -1,7 +1,7 @@
-"""Let engines in: greet all who come at the same time, and hand out those that prove themselves.
+"""Greet all clients of some sockets at the same time, and hand out the engines among them.
 
-Whoever connects is a stranger until then: silent ones, other users' programs, browsers. None keeps
-an engine waiting, and none is taken for one.
+A client is a stranger until it has proved itself: it may be silent, a browser, another user's
+program. No stranger keeps an engine waiting, and none is taken for one.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ import time
 from collections.abc import Callable, Sequence
 
 from ludus.errors import LudusError
-from ludus.link.guest import Guest
 from ludus.link.peer import is_strangers
+from ludus.link.pending_connection import PendingConnection
 from ludus.wire.greeting import Greeting
 
-__all__ = ["Door"]
+__all__ = ["EngineAcceptor"]
 
 MAX_PENDING = 64
-"""Where more are at the door, who has been there longest has to go: an engine takes no time."""
+"""With one more, the oldest is dropped: an engine proves itself at once."""
 POLL_S = 0.1
 
 log = logging.getLogger(__name__)
 
 
-class Door:
+class EngineAcceptor:
     """Greets whoever connects to some listening sockets; for one thread.
 
     Args:
@@ -48,7 +48,7 @@ class Door:
         self._listeners = listeners
         self._new_greeting = new_greeting
         self._timeout_s = timeout_s
-        self._pending: dict[Guest, None] = {}  # oldest first
+        self._pending: dict[PendingConnection, None] = {}  # oldest first
         self._selector = selectors.DefaultSelector()
         for listener in listeners:
             listener.setblocking(False)
@@ -56,14 +56,14 @@ class Door:
 
     @property
     def num_pending(self) -> int:
-        """How many are at the door."""
+        """How many clients have yet to prove themselves."""
         return len(self._pending)
 
-    def await_guests(self, timeout_s: float = POLL_S) -> list[Guest]:
+    def await_proven(self, timeout_s: float = POLL_S) -> list[PendingConnection]:
         """Wait a moment; return those that have proved themselves, who are the caller's now."""
-        proven: list[Guest] = []
+        proven: list[PendingConnection] = []
         for key, _ in self._selector.select(timeout_s):
-            if not isinstance(key.data, Guest):
+            if not isinstance(key.data, PendingConnection):
                 self._accept(key.fileobj)
             elif key.data in self._pending and self._greet(key.data):
                 self._remove(key.data)
@@ -71,17 +71,17 @@ class Door:
         self._reject_late()
         return proven
 
-    def reject(self, guest: Guest, error: LudusError, code: str = "") -> None:
-        """Tell a guest why it may not come in, and drop it a moment later."""
-        log.warning("%s was rejected: %s", guest.name, error.message)
-        if guest not in self._pending:
-            self._add(guest)
-        guest.reject(error, code)
+    def reject(self, connection: PendingConnection, error: LudusError, code: str = "") -> None:
+        """Tell a client why it is rejected, and drop it a moment later."""
+        log.warning("%s was rejected: %s", connection.name, error.message)
+        if connection not in self._pending:
+            self._add(connection)
+        connection.reject(error, code)
 
     def close(self) -> None:
         """Stop listening, and drop all who have not proved themselves."""
         self._selector.close()
-        for closing in (*self._listeners, *(guest.socket for guest in self._pending)):
+        for closing in (*self._listeners, *(connection.socket for connection in self._pending)):
             closing.close()
         self._pending.clear()
 
@@ -102,49 +102,49 @@ class Door:
             return
         if len(self._pending) >= MAX_PENDING:
             oldest = next(iter(self._pending))
-            log.warning("%s was dropped: %d others are at the door", oldest.name, MAX_PENDING)
+            log.warning("%s was dropped: %d newer clients are waiting", oldest.name, MAX_PENDING)
             self._drop(oldest)
-        self._add(Guest(accepted, name, self._new_greeting(), self._timeout_s))
+        self._add(PendingConnection(accepted, name, self._new_greeting(), self._timeout_s))
 
-    def _greet(self, guest: Guest) -> bool:
-        """Read on; return whether the guest has proved itself."""
+    def _greet(self, connection: PendingConnection) -> bool:
+        """Read on; return whether the client has proved itself."""
         try:
-            is_here = guest.read()
+            is_here = connection.read()
         except LudusError as error:
-            self._refuse(guest, error)
+            self._refuse(connection, error)
             return False
         except Exception:  # whatever it is, other games must still be able to connect
-            log.exception("a defect of Ludus; %s was dropped", guest.name)
+            log.exception("a defect of Ludus; %s was dropped", connection.name)
             is_here = False
         if not is_here:
-            if not guest.is_rejected:
-                log.warning("%s disconnected before it had proved itself", guest.name)
-            self._drop(guest)
-        return is_here and not guest.is_rejected and guest.greeting.is_over
+            if not connection.is_rejected:
+                log.warning("%s disconnected before it had proved itself", connection.name)
+            self._drop(connection)
+        return is_here and not connection.is_rejected and connection.greeting.is_over
 
-    def _refuse(self, guest: Guest, error: LudusError) -> None:
-        if guest.greeting.hello is not None:
+    def _refuse(self, connection: PendingConnection, error: LudusError) -> None:
+        if connection.greeting.hello is not None:
             self.refusal = error
-        self.reject(guest, error)
+        self.reject(connection, error)
 
     def _reject_late(self) -> None:
-        for guest in list(self._pending):
+        for connection in list(self._pending):
             try:
-                guest.check_deadline()
+                connection.check_deadline()
             except LudusError as error:
-                if guest.is_rejected:
-                    self._drop(guest)
+                if connection.is_rejected:
+                    self._drop(connection)
                 else:
-                    self.reject(guest, error)
+                    self.reject(connection, error)
 
-    def _add(self, guest: Guest) -> None:
-        self._selector.register(guest.socket, selectors.EVENT_READ, guest)
-        self._pending[guest] = None
+    def _add(self, connection: PendingConnection) -> None:
+        self._selector.register(connection.socket, selectors.EVENT_READ, connection)
+        self._pending[connection] = None
 
-    def _remove(self, guest: Guest) -> None:
-        self._selector.unregister(guest.socket)
-        del self._pending[guest]
+    def _remove(self, connection: PendingConnection) -> None:
+        self._selector.unregister(connection.socket)
+        del self._pending[connection]
 
-    def _drop(self, guest: Guest) -> None:
-        self._remove(guest)
-        guest.socket.close()
+    def _drop(self, connection: PendingConnection) -> None:
+        self._remove(connection)
+        connection.socket.close()

@@ -17,7 +17,7 @@ from ludus.wire.frames import (
 )
 from ludus.wire.greeting import Greeting
 
-__all__ = ["Guest", "is_closed_by_peer"]
+__all__ = ["PendingConnection", "is_closed_by_peer"]
 
 READ_BYTES = 1 << 16
 LINGER_S = 1.0
@@ -25,7 +25,7 @@ LINGER_S = 1.0
 _ENDINGS = (FrameType.ERROR, FrameType.CLOSE)
 
 
-class Guest:
+class PendingConnection:
     """One connection, as far as the greeting goes; never blocks.
 
     Args:

@@ -1,4 +1,4 @@
-"""The door: engines that prove themselves come in, whoever else is there (docs/security.md)."""
+"""Engines that prove themselves are accepted, whatever else connects (docs/security.md)."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from contextlib import ExitStack, closing
 
 import pytest
 
-from ludus.link import Door, Guest, Listener
-from ludus.link.door import MAX_PENDING
+from ludus.link import EngineAcceptor, Listener, PendingConnection
+from ludus.link.acceptor import MAX_PENDING
 from ludus.wire.greeting import Greeting
 from tests.fake_engine import FLAT, HELLO, TOKEN, Talk
 from tests.link.test_peer import CONNECT, NOBODY, program
@@ -21,14 +21,14 @@ DEADLINE_S = 10.0
 
 
 class Visitors:
-    """A door, and those who come to it."""
+    """An acceptor, and the clients that connect to it."""
 
     def __init__(self, stack: ExitStack) -> None:
         self._stack = stack
         listener = stack.enter_context(closing(Listener(("127.0.0.1", 0))))
         self.port = int(listener.addresses[-1].rpartition(":")[2])
-        self.door = Door(listener.sockets, lambda: Greeting(TOKEN), 5.0)
-        stack.enter_context(closing(self.door))
+        self.acceptor = EngineAcceptor(listener.sockets, lambda: Greeting(TOKEN), 5.0)
+        stack.enter_context(closing(self.acceptor))
 
     def connect(self, said: bytes = b"") -> socket.socket:
         connection = socket.create_connection(("127.0.0.1", self.port), DEADLINE_S)
@@ -36,23 +36,23 @@ class Visitors:
         connection.sendall(said)
         return connection
 
-    def look(self, seconds: float = 0.3) -> list[Guest]:
-        """Keep the door for a while; return who has come in."""
+    def look(self, seconds: float = 0.3) -> list[PendingConnection]:
+        """Accept for a while; return who has proved itself."""
         deadline = time.monotonic() + seconds
-        guests: list[Guest] = []
+        proven: list[PendingConnection] = []
         while time.monotonic() < deadline:
-            guests += self.door.await_guests(0.02)
-        return guests
+            proven += self.acceptor.await_proven(0.02)
+        return proven
 
-    def game_comes_in(self, token: str = TOKEN) -> bool:
-        """Let a game come that knows a token; return whether it was let in."""
+    def is_game_accepted(self, token: str = TOKEN) -> bool:
+        """Connect a game that knows a token; return whether it was accepted."""
         talk = Talk(self.connect(json_frame("HELLO", HELLO)), FLAT)
         self.look()
         talk.prove(token=token)
-        guests = self.look()
-        for guest in guests:
-            guest.socket.close()
-        return len(guests) == 1
+        proven = self.look()
+        for connection in proven:
+            connection.socket.close()
+        return len(proven) == 1
 
 
 @pytest.fixture
@@ -62,7 +62,7 @@ def visitors() -> Iterator[Visitors]:
 
 
 def test_a_game_that_proves_itself_comes_in(visitors: Visitors) -> None:
-    assert visitors.game_comes_in()
+    assert visitors.is_game_accepted()
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ def test_a_game_that_proves_itself_comes_in(visitors: Visitors) -> None:
 def test_a_stranger_that_comes_first_is_not_the_game(visitors: Visitors, said: bytes) -> None:
     visitors.connect(said)
     assert visitors.look() == []
-    assert visitors.game_comes_in()
+    assert visitors.is_game_accepted()
 
 
 def test_a_stranger_that_reflects_our_proof_stays_out(visitors: Visitors) -> None:
@@ -95,36 +95,36 @@ def test_a_stranger_that_reflects_our_proof_stays_out(visitors: Visitors) -> Non
 
 
 def test_a_game_with_another_token_stays_out(visitors: Visitors) -> None:
-    assert not visitors.game_comes_in("another token of 16 characters")
-    assert visitors.game_comes_in()
+    assert not visitors.is_game_accepted("another token of 16 characters")
+    assert visitors.is_game_accepted()
 
 
 def test_a_crowd_of_silent_visitors_keeps_no_game_out(visitors: Visitors) -> None:
     for _ in range(2 * MAX_PENDING):
         visitors.connect()
-        visitors.door.await_guests(0.0)
-    assert visitors.game_comes_in()
+        visitors.acceptor.await_proven(0.0)
+    assert visitors.is_game_accepted()
 
 
 def test_a_program_of_another_user_is_dropped_before_it_says_a_word(visitors: Visitors) -> None:
     with program(CONNECT, str(visitors.port), "4", user=NOBODY):
         assert visitors.look() == []
-        assert visitors.game_comes_in()
-        assert not visitors.door.num_pending
+        assert visitors.is_game_accepted()
+        assert not visitors.acceptor.num_pending
 
 
 def test_one_that_takes_too_long_is_told_so() -> None:
     with ExitStack() as stack:
         listener = stack.enter_context(closing(Listener(("127.0.0.1", 0))))
-        door = stack.enter_context(
-            closing(Door(listener.sockets, lambda: Greeting(TOKEN), timeout_s=0.2))
+        acceptor = stack.enter_context(
+            closing(EngineAcceptor(listener.sockets, lambda: Greeting(TOKEN), timeout_s=0.2))
         )
         port = int(listener.addresses[-1].rpartition(":")[2])
         half = stack.enter_context(socket.create_connection(("127.0.0.1", port), DEADLINE_S))
         half.sendall(json_frame("HELLO", HELLO)[:11])
         deadline = time.monotonic() + 1.0
         while time.monotonic() < deadline:
-            assert door.await_guests(0.05) == []
+            assert acceptor.await_proven(0.05) == []
         assert Talk(half, FLAT).read()[0] == "ERROR"
 
 
