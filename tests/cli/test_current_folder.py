@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import multiprocessing.pool
-import multiprocessing.spawn  # noqa: F401 - before tests replace sys.modules
 import os
 import subprocess
 import sys
@@ -84,6 +82,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def finders(monkeypatch: pytest.MonkeyPatch) -> None:
     """Forget afterwards what was imported, and how."""
+    for name in ("multiprocessing.pool", "multiprocessing.spawn"):  # they cannot be loaded twice
+        importlib.import_module(name)
     monkeypatch.setattr(sys, "meta_path", [*sys.meta_path])
     monkeypatch.setattr(sys, "modules", sys.modules.copy())
 

@@ -54,7 +54,7 @@ LIMITS = {
 FRAME_TIMEOUT_S = 30.0  # for the rest of a frame that has begun
 CONNECT_TIMEOUT_S = 10.0
 GREETING_TIMEOUT_S = 60.0
-GREETING_TIMEOUT_S = 10.0  # for the greeting of one who has connected to a listening engine
+CLIENT_TIMEOUT_S = 10.0  # for the greeting of a client of a listening engine
 MAX_PENDING = 64
 MIN_TOKEN_LENGTH = 16
 LISTEN_TIMEOUT_S = 600.0
@@ -606,7 +606,7 @@ def listen(address: str, token_file: str | None) -> Connection:
         try:
             # Now, since a trainer on this machine may have written its token just before.
             token = find_token(token_file, is_local=is_local)
-            shake_hands(client, token, GREETING_TIMEOUT_S)
+            shake_hands(client, token, CLIENT_TIMEOUT_S)
             proven.put(client)
         except DisconnectedError as error:
             if error.exit_code:

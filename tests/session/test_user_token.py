@@ -33,7 +33,8 @@ def test_it_is_made_once_and_only_its_user_may_read_it(path: Path) -> None:
 
 def test_all_who_make_it_at_the_same_time_get_the_same(path: Path) -> None:
     with ThreadPoolExecutor(16) as threads:
-        tokens = set(threads.map(lambda _: user_token(), range(64)))
+        calls = [threads.submit(user_token) for _ in range(64)]
+    tokens = {call.result() for call in calls}
     assert tokens == {path.read_text().strip()}
     assert [file.name for file in path.parent.iterdir()] == ["token"]
 
