@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
+import tempfile
 import time
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Self
 
 from ludus.errors import SetupError
 
-__all__ = ["LockHeld", "file_lock", "try_lock"]
+__all__ = ["LockHeld", "TemporaryFolder", "file_lock", "try_lock"]
 
 _POLL_S = 0.05
+_HELD = ".held"
+_FOLDER_FLAGS = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_DIRECTORY", 0)
 
 
 class LockHeld(SetupError):  # noqa: N818 - reads as what happened
@@ -81,3 +86,56 @@ def _wait_for(descriptor: int, path: Path, timeout_s: float) -> None:
                 hint="wait for it, or end it if it hangs",
             )
         time.sleep(_POLL_S)
+
+
+class TemporaryFolder:
+    """A new folder in the system's temporary directory, removed when closed.
+
+    Its process holds a lock on it. A folder whose process was killed is removed when any process
+    of the same user makes its next one; not on Windows, where folders cannot be locked.
+
+    Args:
+        purpose: Part of its name.
+
+    Attributes:
+        path: The folder, empty at first.
+    """
+
+    def __init__(self, purpose: str) -> None:
+        _remove_abandoned_folders()
+        new = Path(tempfile.mkdtemp(prefix=".ludus-"))
+        self._descriptor = -1
+        if os.name == "posix":
+            self._descriptor = os.open(new, _FOLDER_FLAGS)
+            with suppress(OSError):  # a file system without locks: nobody removes it then
+                try_lock(self._descriptor)
+        # Only now does it have a name that others look at.
+        unique = new.name.removeprefix(".ludus-")
+        self.path = new.rename(new.with_name(f"ludus-{purpose}-{unique}{_HELD}"))
+
+    def close(self) -> None:
+        """Remove the folder; may be called twice."""
+        shutil.rmtree(self.path, ignore_errors=True)
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _remove_abandoned_folders() -> None:
+    if os.name != "posix":
+        return
+    for path in Path(tempfile.gettempdir()).glob(f"ludus-*{_HELD}"):
+        with suppress(OSError):  # it has just gone, or is another user's
+            descriptor = os.open(path, _FOLDER_FLAGS)
+            try:
+                is_ours = os.fstat(descriptor).st_uid == os.geteuid()
+                if is_ours and try_lock(descriptor):
+                    shutil.rmtree(path, ignore_errors=True)
+            finally:
+                os.close(descriptor)

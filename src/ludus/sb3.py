@@ -12,7 +12,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 from ludus.errors import UsageError
 from ludus.extras import missing_extra
 from ludus.libraries import LudusVectorEnv, make_vec
+from ludus.locks import TemporaryFolder
 
 try:
     from stable_baselines3.common.vec_env import VecEnv
@@ -232,8 +232,8 @@ def export(
     from ludus.export.sb3_export import export_zip
 
     envs = _game_of(model)
-    with tempfile.TemporaryDirectory(prefix="ludus-sb3-") as folder:
-        saved = Path(folder) / "model.zip"
+    with TemporaryFolder("sb3") as temporary:
+        saved = temporary.path / "model.zip"
         model.save(saved)
         return export_zip(
             saved,

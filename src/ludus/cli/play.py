@@ -11,6 +11,7 @@ import tyro
 
 from ludus.cli.action_flags import ActionFlags
 from ludus.cli.bridge_flags import BridgeFlags
+from ludus.locks import TemporaryFolder
 from ludus.play.interactive import PlayConfig
 from ludus.settings.checks import AT_LEAST_1, optional, setting
 
@@ -106,8 +107,6 @@ def _as_trained(config: PlayConfig) -> PlayConfig:
 
 def _play_in_engine(config: PlayConfig, run_folder: Path, *, is_stochastic: bool) -> None:
     """Export the agents to a temporary folder, and let the game play them."""
-    import tempfile
-
     from ludus.export.exporting import write_policies
     from ludus.play.in_engine import play_in_engine
 
@@ -115,8 +114,8 @@ def _play_in_engine(config: PlayConfig, run_folder: Path, *, is_stochastic: bool
         if (value := getattr(config, name)) is not None:
             text = f"trained with {name} {value}; in the engine, the agents' own setting applies"
             sys.stderr.write(f"warning: {text}\n")
-    with tempfile.TemporaryDirectory(prefix="ludus-policies-") as folder:
-        files = write_policies(run_folder, Path(folder))
+    with TemporaryFolder("policies") as temporary:
+        files = write_policies(run_folder, temporary.path)
         play_in_engine(config, files, _printer(), is_stochastic=is_stochastic)
 
 

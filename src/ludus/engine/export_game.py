@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import tempfile
 from pathlib import Path
 
 from ludus.engine.config_file import quote_string
@@ -22,6 +21,7 @@ from ludus.engine.process import EngineProcess
 from ludus.engine.project import Project, find_project
 from ludus.engine.template import ExportTemplate, find_template
 from ludus.errors import EngineStartError, EngineTimeout, SetupError, TargetError
+from ludus.locks import TemporaryFolder
 
 __all__ = ["export_game"]
 
@@ -97,9 +97,9 @@ def export_game(
     template = find_template(engine)
     output = Path(output).expanduser().absolute()
     try:
-        with tempfile.TemporaryDirectory(prefix="ludus-export-") as temporary:
+        with TemporaryFolder("export") as temporary:
             features = _FEATURE if is_trainable else ""
-            copy = _copy_project(found, Path(temporary), template, include, features)
+            copy = _copy_project(found, temporary.path, template, include, features)
             built = copy.parent / "game" / output.name
             built.parent.mkdir()
             _run_godot(engine.path, copy, built, timeout_s)

@@ -6,7 +6,6 @@ Both read the question from files in a folder and write their answers there.
 from __future__ import annotations
 
 import json
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,7 @@ from ludus.engine.bundled import runnable_bundled_root
 from ludus.errors import EngineError, EngineTimeout
 from ludus.export.inputs import ParityInputs
 from ludus.export.runtimes import Answers
+from ludus.locks import TemporaryFolder
 from ludus.model.policy_model import PolicyModel
 
 __all__ = ["BevyGame", "answer_with_engine"]
@@ -63,8 +63,8 @@ def answer_with_engine(
     Raises:
         EngineError: The engine failed, did not end in time, or gave another number of answers.
     """
-    with tempfile.TemporaryDirectory(prefix="ludus-parity-") as name:
-        folder = Path(name)
+    with TemporaryFolder("parity") as temporary:
+        folder = temporary.path
         write_request(folder, path, model, inputs)
         if isinstance(engine, BevyGame):
             _run(

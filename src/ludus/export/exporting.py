@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +23,7 @@ from ludus.export.parity import (
 )
 from ludus.export.places import JSON, ONNX, check_place, format_of, place_files
 from ludus.export.trained import TrainedPolicy, load_trained
+from ludus.locks import TemporaryFolder
 from ludus.model.json_file import write_model
 from ludus.model.policy_model import PolicyModel
 from ludus.networks.own_network import MakeNetwork
@@ -102,10 +102,10 @@ def _export(
     engine = None
     if config.is_tested:
         engine = _find_engine(formats, config.godot, settings or TrainConfig())
-    with tempfile.TemporaryDirectory(prefix="ludus-export-") as name:
+    with TemporaryFolder("export") as temporary:
         staged: list[tuple[PolicyFiles, ParityReport | None]] = []
         for index, one in enumerate(trained):
-            place = Path(name) / str(index)
+            place = temporary.path / str(index)
             model, files = _stage(one, models[one.spec.name], place, formats, config.is_tested)
             report = None
             if config.is_tested:

@@ -5,7 +5,6 @@ Inputs, outputs and metadata are those of :mod:`ludus.export.onnx_file`.
 
 from __future__ import annotations
 
-import tempfile
 import warnings
 from pathlib import Path
 from typing import Any, cast
@@ -18,6 +17,7 @@ from torch.nn import functional
 from ludus.disk import disk_errors, write_atomically
 from ludus.errors import RunError
 from ludus.export.onnx_file import MASK, MEMORY, OPSET, check_names, with_metadata
+from ludus.locks import TemporaryFolder
 from ludus.model.policy_model import PolicyModel
 from ludus.networks.distributions import FORBIDDEN
 from ludus.networks.policy import Policy
@@ -43,8 +43,8 @@ def write_network(path: Path, policy: Policy, outline: PolicyModel) -> None:
     graph = _Graph(policy, outline).cpu().eval()
     example = graph.example()
     names, outputs = list(example), graph.output_names()
-    with tempfile.TemporaryDirectory(prefix="ludus-onnx-") as folder:
-        traced = Path(folder) / "network.onnx"
+    with TemporaryFolder("onnx") as temporary:
+        traced = temporary.path / "network.onnx"
         try:
             with warnings.catch_warnings(), torch.no_grad():
                 # The exporter that traces; the newer one needs onnxscript, and says so each time.

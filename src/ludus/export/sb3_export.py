@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from ludus.export.places import JSON, format_of, place_files
 from ludus.export.sb3_model import Sb3Network, to_model
 from ludus.export.sb3_zip import read_zip
 from ludus.libraries.vector import choose_policy
+from ludus.locks import TemporaryFolder
 from ludus.model.json_file import write_model
 from ludus.model.policy_model import Normalisation, is_image
 from ludus.pool import PoolConfig, open_pool
@@ -68,8 +68,8 @@ def export_zip(
         )
     normalisation = _read_normalisation(vec_normalize, spec)
     arrays = to_model(model, spec, normalisation)
-    with tempfile.TemporaryDirectory(prefix="ludus-export-") as folder:
-        file = Path(folder) / f"policy{JSON}"
+    with TemporaryFolder("export") as temporary:
+        file = temporary.path / f"policy{JSON}"
         write_model(file, arrays)
         report = None
         if is_tested:

@@ -6,22 +6,18 @@ import contextlib
 import ipaddress
 import os
 import selectors
-import shutil
 import socket
-import tempfile
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 from ludus.errors import EngineTimeout, ProtocolError
 from ludus.link.busy_poller import BusyPoller
-from ludus.locks import try_lock
+from ludus.locks import TemporaryFolder
 from ludus.wire.frames import HEADER_BYTES, FrameType, decode_header
 
 __all__ = ["BACKLOG", "Link", "LinkClosed", "Listener", "connect", "is_loopback", "listen_tcp"]
 
 _POLL_INTERVAL_S = 0.05
-_FOLDER = "ludus-engine-"
 BACKLOG = 128
 """A client that does not fit into this queue connects a second later, when TCP tries again."""
 
@@ -180,8 +176,7 @@ class Listener:
     def __init__(
         self, tcp_address: tuple[str, int] = ("127.0.0.1", 0), *, has_tcp: bool = True
     ) -> None:
-        self._folder: Path | None = None
-        self._folder_lock = -1
+        self._folder: TemporaryFolder | None = None
         self.sockets: list[socket.socket] = []
         self.addresses: list[str] = []
         is_unix = tcp_address[1] == 0 and hasattr(socket, "AF_UNIX") and self._listen_unix()
@@ -190,11 +185,8 @@ class Listener:
 
     def _listen_unix(self) -> bool:
         """Listen in a new folder of this user; return False if its path is too long."""
-        _remove_abandoned_folders()
-        self._folder = Path(tempfile.mkdtemp(prefix=_FOLDER))
-        self._folder_lock = os.open(self._folder, os.O_RDONLY)
-        try_lock(self._folder_lock)
-        path = self._folder / "engine"
+        self._folder = TemporaryFolder("engine")
+        path = self._folder.path / "engine"
         listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             listener.bind(os.fspath(path))
@@ -250,21 +242,8 @@ class Listener:
             listener.close()
         self.sockets.clear()
         if self._folder is not None:
-            shutil.rmtree(self._folder, ignore_errors=True)
-            os.close(self._folder_lock)
+            self._folder.close()
             self._folder = None
-
-
-def _remove_abandoned_folders() -> None:
-    """Remove the sockets of trainers that were killed: the system has dropped their locks."""
-    for path in Path(tempfile.gettempdir()).glob(f"{_FOLDER}*/engine"):
-        with contextlib.suppress(OSError):  # it has just gone, or is another user's
-            descriptor = os.open(path.parent, os.O_RDONLY)
-            try:
-                if try_lock(descriptor):
-                    shutil.rmtree(path.parent, ignore_errors=True)
-            finally:
-                os.close(descriptor)
 
 
 def connect(address: tuple[str, int], timeout_s: float) -> Link:

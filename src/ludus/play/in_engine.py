@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any, cast
 
 from ludus.engine import EngineProcess, GodotFlags, LaunchConfig
 from ludus.errors import EngineCrashed, EngineTimeout, GameError
+from ludus.locks import TemporaryFolder
 from ludus.play.command_line import play_command
 from ludus.play.episodes import EpisodeCounter, OnEpisode
 from ludus.play.interactive import PlayConfig
@@ -55,8 +55,8 @@ def play_in_engine(
         user_args=_user_args(files, is_stochastic),
     )
     command = play_command(target, flags)
-    with tempfile.TemporaryDirectory(prefix="ludus-play-") as folder:
-        log = Path(folder) / "game.log"
+    with TemporaryFolder("play") as temporary:
+        log = temporary.path / "game.log"
         with EngineProcess.start(LaunchConfig(command=command, log_path=log)) as process:
             counter = EpisodeCounter(files, config.num_episodes, on_episode)
             _follow(process, log, counter, is_headless=config.is_headless)

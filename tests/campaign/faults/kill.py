@@ -88,7 +88,7 @@ def kill_engine(the_round: Round) -> None:
     the_round.choose_engine(*GAMES)
     chance = the_round.chance
     moments = [(chance.uniform(0.0, 2.0), chance.random()) for _ in range(chance.randint(1, 3))]
-    trainer = the_round.begin(total_steps=4000)
+    trainer = the_round.begin(total_steps=800)
     for delay_s, share in moments:
         the_round.decide(f"kill the engine {delay_s:.3f} s after it has begun")
         pid = find_engine(the_round, trainer, share)

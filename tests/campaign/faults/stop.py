@@ -40,7 +40,7 @@ def stop_engine(the_round: Round) -> None:
     share = chance.random()
     what = "good" if is_for_good else f"{pause_s:.3f} s"
     the_round.decide(f"stop the engine {delay_s:.3f} s after it has begun, for {what}")
-    trainer = the_round.begin(total_steps=2000)
+    trainer = the_round.begin(total_steps=400)
     pid = find_engine(the_round, trainer, share)
     if pid is not None and trainer.wait(delay_s) is None and pid in the_round.processes():
         os.kill(pid, signal.SIGSTOP)

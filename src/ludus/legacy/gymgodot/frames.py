@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from PIL import Image
 
 from ludus.errors import ConfigError, GameError
 from ludus.legacy.gymgodot.connecting import DEFAULT_RENDER_PATH
+from ludus.locks import TemporaryFolder
 
 __all__ = ["Frames", "check_saved"]
 
@@ -41,10 +41,10 @@ class Frames:
 
     def __init__(self, render_path: str | None, *, are_read: bool) -> None:
         _check(render_path, are_read=are_read)
-        self._temporary: tempfile.TemporaryDirectory[str] | None = None
+        self._temporary: TemporaryFolder | None = None
         if render_path is None and are_read:
-            self._temporary = tempfile.TemporaryDirectory(prefix="ludus-frames-")
-            render_path = f"{self._temporary.name}/"
+            self._temporary = TemporaryFolder("frames")
+            render_path = f"{self._temporary.path}/"
         self.render_path = DEFAULT_RENDER_PATH if render_path is None else render_path
         self._number = 0
 
@@ -82,7 +82,7 @@ class Frames:
     def close(self) -> None:
         """Delete the temporary folder, if there is one; may be called twice."""
         if self._temporary is not None:
-            self._temporary.cleanup()
+            self._temporary.close()
 
 
 def check_saved(code: int, file: Path) -> None:
