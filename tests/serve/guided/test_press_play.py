@@ -6,6 +6,7 @@ import itertools
 import os
 import signal
 import socket
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -198,3 +199,64 @@ def best_steps_per_s(desk: Desk) -> float:
 
 def has_said(game: EngineProcess, words: str) -> bool:
     return any(words in line for line in game.last_lines(200))
+
+
+FIND_PYTHON = """\
+extends SceneTree
+func _init() -> void:
+	var process := preload("res://addons/ludus/training/trainer_process.gd").new()
+	print("found ", process.find_python())
+	quit()
+"""
+
+
+def open_to_others(path: Path) -> None:
+    path.chmod(0o757)
+
+
+def open_to_a_group(path: Path) -> None:
+    os.chown(path, -1, 12345)
+    path.chmod(0o775)
+
+
+def give_away(path: Path) -> None:
+    os.chown(path, 12345, -1)
+
+
+NEEDS_ROOT = pytest.mark.skipif(os.geteuid() != 0, reason="only root gives files away")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        None,
+        open_to_others,
+        pytest.param(open_to_a_group, marks=NEEDS_ROOT),
+        pytest.param(give_away, marks=NEEDS_ROOT),
+    ],
+)
+@pytest.mark.parametrize("folder", [".", ".venv", ".venv/bin"])
+def test_an_environment_that_others_may_change_is_not_run(
+    folder: str,
+    change: Callable[[Path], None] | None,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name in ("LUDUS_PYTHON", "VIRTUAL_ENV"):
+        monkeypatch.delenv(name, raising=False)
+    above = tmp_path / "above"
+    (above / "games").mkdir(parents=True)
+    project = make_project(above / "games" / "game")
+    (project / "find.gd").write_text(FIND_PYTHON)
+    python = above / ".venv" / "bin" / "python"
+    python.parent.mkdir(parents=True)
+    python.write_text(f"#!/bin/sh\ntouch {tmp_path}/ran\n")
+    python.chmod(0o755)
+    if change is not None:
+        change(above / folder)
+    engine = find_engine(read_project(project).engine_kind)
+    command = [str(engine.path), "--headless", "--path", str(project), "--script", "res://find.gd"]
+    said = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout
+    assert (f"found {python}" in said) is (change is None), said
+    assert (tmp_path / "ran").exists() is (change is None)
+    assert (f"{python.parents[1]} is not used" in said) is (change is not None)

@@ -11,6 +11,16 @@ const FOLDERS_ABOVE := 3
 ## Exits with 0 if Ludus is there, without importing it. With [code]-P[/code], here and below,
 ## Python does not import from the folder that the game was started in.
 const PROBE := "import importlib.util, sys; sys.exit(importlib.util.find_spec('ludus') is None)"
+## Says "ours" if an environment, and the folder it lies in, are this user's alone. A group may
+## write if it is the user's own, of the same name, as on Debian and Fedora.
+const IS_OURS := """
+cd -- "$1" && real=$(pwd -P) || exit
+own_group=$(id -gn)
+[ "$own_group" = "$(id -un)" ] || own_group=
+foreign=$(find -H "$1/.." "$real/.." "$real" "$real/bin" -prune \\
+	\\( ! -user "$(id -u)" -o -perm -0002 -o -perm -0020 ! -group "${own_group:-0}" \\)) || exit
+[ -z "$foreign" ] && echo ours
+"""
 
 ## Why there is no trainer, or an empty text.
 var error: String = ""
@@ -88,14 +98,17 @@ static func _make_folder(path: String) -> bool:
 	return true
 
 
-static func _candidates() -> PackedStringArray:
+## The virtual environments around the project and that of the terminal, and Python on the path.
+func _candidates() -> PackedStringArray:
 	var names: PackedStringArray = ["bin/python", "Scripts/python.exe"]
 	var folders: PackedStringArray = []
 	var folder := ProjectSettings.globalize_path("res://").trim_suffix("/")
 	if folder.is_empty():
 		folder = OS.get_executable_path().get_base_dir()
 	for i: int in FOLDERS_ABOVE:
-		folders.append(folder.path_join(".venv"))
+		var environment := folder.path_join(".venv")
+		if DirAccess.dir_exists_absolute(environment) and _is_ours(environment):
+			folders.append(environment)
 		folder = folder.get_base_dir()
 	folders.append(OS.get_environment("VIRTUAL_ENV"))
 	var found: PackedStringArray = []
@@ -105,6 +118,22 @@ static func _candidates() -> PackedStringArray:
 			if not environment.is_empty() and FileAccess.file_exists(path):
 				found.append(path)
 	return found + PackedStringArray(["python3", "python"])
+
+
+## Whether nobody but this user may change what an environment runs. Windows does not tell.
+static func _is_ours(environment: String) -> bool:
+	if OS.has_feature("windows"):
+		return true
+	# Not `OS.execute`, which hands the text to one more shell first.
+	var pipe := OS.execute_with_pipe("sh", ["-c", IS_OURS, "sh", environment])
+	if not pipe.is_empty() and pipe["stdio"].get_line() == "ours":
+		return true
+	var text := (
+		"Ludus: %s is not used: it, or the folder it lies in, is another user's, or others may"
+		+ " write there; if you trust it, name its Python in the project setting %s"
+	)
+	print(text % [environment, PYTHON_SETTING])
+	return false
 
 
 static func _has_ludus(python: String) -> bool:
