@@ -137,6 +137,14 @@ class Blind(Ticks):
         return "a text"
 
 
+class Unpainted(Ticks):
+    """Lacks a package to draw with."""
+
+    def render(self) -> Any:
+        raise gymnasium.error.DependencyNotInstalled("paint is not installed")
+
+
 _register: Any = cast(Any, gymnasium).register
 _register("Ticks-v0", entry_point="tests.record.games:Ticks", max_episode_steps=100)
 _register("Blind-v0", entry_point="tests.record.games:Blind")
+_register("Unpainted-v0", entry_point="tests.record.games:Unpainted")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ludus.cli.main import main
-from ludus.errors import ConfigError, TargetError
+from ludus.errors import ConfigError, SetupError, TargetError
 from ludus.model import PolicyModel, write_model
 from ludus.model.policy_model import Distribution, Linear
 from ludus.record import RecordConfig, record
@@ -99,6 +99,8 @@ def test_what_cannot_be_filmed(films: Path, capsys: pytest.CaptureFixture[str]) 
     out = films / "film.mp4"
     with pytest.raises(TargetError, match="render\\(\\) returned str"):
         record(RecordConfig(target="gym:tests.record.games:Blind-v0", out=out))
+    with pytest.raises(SetupError, match="cannot draw: paint is not installed"):
+        record(RecordConfig(target="gym:tests.record.games:Unpainted-v0", out=out))
     assert main(["record", "gym:Nowhere-v0", "--out", str(out)]) == 2
     assert "Gymnasium cannot make 'Nowhere-v0'" in capsys.readouterr().err
     assert list(films.iterdir()) == []

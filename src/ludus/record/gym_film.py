@@ -11,7 +11,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from ludus.errors import ConfigError, TargetError
+from ludus.errors import ConfigError, SetupError, TargetError
 from ludus.folder_imports import look_in_current_folder
 from ludus.legacy.registry import make_bridge_env
 from ludus.play.players import MakePlayer
@@ -90,6 +90,7 @@ def film_gymnasium(env: GymEnv, player: MakePlayer, shot: Shot) -> dict[str, int
 
     Raises:
         TargetError: It renders something other than pictures.
+        SetupError: It lacks a package to draw with.
         RunError: The film could not be written.
     """
     frames = itertools.count()
@@ -131,7 +132,13 @@ class _Filmed(gymnasium.Wrapper[Any, Any, Any, Any]):
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         if self._is_first:
             self._is_first = False
-            self._shoot(self.env.render())
+            self._shoot(self.render())
         result = super().step(action)
-        self._shoot(self.env.render())
+        self._shoot(self.render())
         return result
+
+    def render(self) -> Any:
+        try:
+            return super().render()
+        except gymnasium.error.DependencyNotInstalled as error:
+            raise SetupError(f"the environment cannot draw: {error}") from error
