@@ -15,7 +15,7 @@ HAS_CUDA = torch.cuda.is_available()
 SIZES = ["--num-worlds", "4", "--num-engines", "1", "--evaluation-episodes", "1", "--name", "run"]
 
 
-@pytest.mark.skipif(not HAS_CUDA, reason="this machine has no GPU that PyTorch can use")
+@pytest.mark.cuda
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
 def test_training_on_a_gpu(
     algorithm: str,
@@ -36,11 +36,11 @@ def test_training_on_a_gpu(
     assert json.loads(capsys.readouterr().out)["policies"]
 
 
-@pytest.mark.skipif(HAS_CUDA, reason="this machine has a GPU")
 def test_a_machine_without_a_gpu_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     assert main(["train", "gym:CartPole-v1", "--device", "cuda", *SIZES]) == 2
     shown = capsys.readouterr().err
     assert "device cuda cannot be used: " in shown

@@ -313,7 +313,7 @@ def test_a_bulk_folder_that_leads_outside_is_not_written_to(client: Client, tmp_
     answer = client.ask("get_batch_actions", path="states.json", deterministic_map={})
     assert "leads out of the project" in answer["error"]
     assert "leads out of the project" in client.ask("write_policy", file_name="hero")["error"]
-    assert sorted(path.name for path in outside.iterdir()) == ["ludus"]
+    assert sorted(path.name for path in outside.iterdir()) == [".gitignore", "ludus"]
 
 
 @pytest.mark.parametrize(
@@ -353,7 +353,8 @@ def test_no_half_files_are_left(client: Client) -> None:
     client.ask("write_policy", file_name="hero")
     names = sorted(path.name for path in (client.project / "AIServerCommFiles").iterdir())
     assert names == [
-        "batch_action.json", "batch_state.json", "hero.ludus.json", "hero_policy.json", "ludus",
+        ".gitignore", "batch_action.json", "batch_state.json", "hero.ludus.json",
+        "hero_policy.json", "ludus",
     ]  # fmt: skip
 
 

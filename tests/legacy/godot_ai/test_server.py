@@ -101,10 +101,12 @@ def test_endless_message_is_refused(start: Start) -> None:
 
 
 def test_a_client_that_goes_in_the_middle(start: Start, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
     running = start()
     for data in (b"", b'{"command"'):
         client = running.client()
         client.send(data)
+        wait_for(f":{client.socket.getsockname()[1]} connected", caplog)
         client.close()
     wait_for("in the middle of a message", caplog)
     assert running.client().init() == DONE
