@@ -170,6 +170,24 @@ def test_other_settings_that_name_files_count(name: str, run: Path, program: Pat
     trained_config(run, **typed)
 
 
+@pytest.mark.parametrize("value", ["touch started; true", "mine:reward", ["a list"]])
+def test_what_a_bridge_would_start_counts(
+    value: Any, run: Path, program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text("import pathlib\npathlib.Path('started').touch()\n")
+    spaces = {"action_space": "Discrete(2)", "observation_space": "Box(0, 1, (1,))"}
+    bridge = {"exeCmd": value, "start_timeout_s": 1.0, **spaces}
+    lose_mark(run, target="gymgodot:127.0.0.1:0", bridge=bridge, num_worlds=1, num_engines=1)
+    assert main(["evaluate", str(run)]) == 2
+    assert not was_started(program)
+    with pytest.raises(UsageError, match="exeCmd: "):
+        trained_config(run)
+    folder = RunFolder(run)
+    folder.write_config(folder.read_config())
+    trained_config(run)  # this user's now
+
+
 def test_a_target_that_was_typed_never_asks(run: Path, program: Path) -> None:
     lose_mark(run)
     with pytest.raises(EngineError):

@@ -100,16 +100,29 @@ def _ask(text: str) -> bool:
 
 
 def _programs(settings: Mapping[str, Any]) -> list[str]:
-    """Return what these settings would start or read, as absolute paths."""
+    """Return what these settings would start or read: absolute paths, and settings of a bridge."""
     found = _of_target(settings.get("target"), settings.get("scene"))
     for name in ("godot", "token_file"):
         if value := settings.get(name):
             found.append(_absolute(str(value)))
     bridge = settings.get("bridge")
     if isinstance(bridge, Mapping):
-        values = cast(Mapping[str, Any], bridge).values()
-        found += [_absolute(str(value)) for value in values if _exists(str(value))]
+        for name, value in cast(Mapping[str, Any], bridge).items():
+            found += _of_bridge(name, value)
     return found
+
+
+def _of_bridge(name: str, value: Any) -> list[str]:
+    """Return what a setting of a legacy bridge would start: a command, a file, a function."""
+    if name.endswith("_space") or isinstance(value, bool | int | float | None):
+        return []
+    text = str(value)
+    module = text.partition(":")[0].partition(".")[0]
+    return [
+        f"{name}: {text}",
+        *([_absolute(text)] if _exists(text) else []),
+        *(_in_current_folder(module) if module.isidentifier() else []),
+    ]
 
 
 def _of_target(target: Any, scene: Any) -> list[str]:
