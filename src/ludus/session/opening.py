@@ -33,7 +33,7 @@ from ludus.session.supervision import Supervision
 from ludus.session.user_token import user_token
 from ludus.target import Address, EngineTarget, Executable, Play, Scene, prepare
 from ludus.wire.greeting import Greeting
-from ludus.wire.handshake import EngineConfig, Hello
+from ludus.wire.handshake import EngineConfig
 from ludus.wire.proof import MIN_TOKEN_LENGTH
 
 __all__ = ["LaunchOptions", "open_session"]
@@ -148,8 +148,9 @@ def _launch(
         except BaseException:
             process.terminate()
             raise
-    if connection.greeting.version == 1:
-        _warn_of_protocol_1(connection.greeting.hello)
+    hello = connection.greeting.hello
+    if hello is not None and connection.greeting.version == 1:
+        _warn_of_protocol_1(hello.engine, hello.upgrade)
     left_s = max(_MIN_GREETING_S, deadline - time.monotonic())
     return _converse(connection, left_s, process, config, options)
 
@@ -193,13 +194,13 @@ def _await_engine(
 
 
 @functools.cache
-def _warn_of_protocol_1(hello: Hello) -> None:
+def _warn_of_protocol_1(engine: str, upgrade: str) -> None:
     """Say once what an old add-on cannot do."""
     log.warning(
         "the game's add-on (%s, protocol 1) cannot prove who it is; it is trusted because it was "
         "started here: %s",
-        hello.engine,
-        hello.upgrade,
+        engine,
+        upgrade,
     )
 
 
