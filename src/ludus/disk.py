@@ -44,7 +44,7 @@ def disk_errors(what: str) -> Generator[None, None, None]:
 def write_synced(path: Path, data: bytes) -> None:
     """Write a new file and wait until the disk has it; what is in its place goes first.
 
-    A link there is not followed: whoever gives away a project or a run may have laid one.
+    A link there is not followed: a project or a run from somebody else may have one.
     """
     path.unlink(missing_ok=True)
     with path.open("xb") as file:

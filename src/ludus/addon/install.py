@@ -225,7 +225,7 @@ def install_folder(root: Path, path: str, *, force: bool) -> AddonChange:
 def _refuse_link(path: Path, root: Path) -> None:
     """Refuse a link in the place of a folder of the add-on, or of the project's file.
 
-    Whoever made the project could have it lead anywhere, to be written to or copied from.
+    In a project from somebody else it could point anywhere, to be written to or copied from.
     """
     if path.is_symlink():
         where = path.relative_to(root).as_posix()

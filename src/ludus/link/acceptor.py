@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 
 
 class EngineAcceptor:
-    """Greets whoever connects to some listening sockets; for one thread.
+    """Greets all clients of some listening sockets; for one thread.
 
     Args:
         listeners: Sockets that listen; closed with this object.
@@ -60,7 +60,7 @@ class EngineAcceptor:
         return len(self._pending)
 
     def await_proven(self, timeout_s: float = POLL_S) -> list[PendingConnection]:
-        """Wait a moment; return those that have proved themselves, who are the caller's now."""
+        """Wait a moment; return those that have proved themselves, for the caller to close."""
         proven: list[PendingConnection] = []
         for key, _ in self._selector.select(timeout_s):
             if not isinstance(key.data, PendingConnection):

@@ -7,10 +7,10 @@ extends Reference
 ## Godot 3 has no Unix sockets.
 
 const MIN_TOKEN_LENGTH := 16
-## How long who connects to a listening game may take to prove itself.
+## How long a client of a listening game may take to prove itself.
 const GREETING_TIMEOUT_MS := 10000
-## Where more do so at once, who has been there longest has to go: a trainer takes no time.
-const MAX_GUESTS := 64
+## With one more, the oldest is dropped: a trainer proves itself at once.
+const MAX_PENDING := 64
 const CONNECT_POLL_MS := 5
 const GREETING_POLL_MS := 1
 const WATCH_INTERVAL_MS := 100
@@ -72,7 +72,7 @@ func connect_to(addresses: Array, timeout_ms: int) -> bool:
 
 
 ## Listens at the TCP address of [param arguments] until a trainer has proved itself; others are
-## dropped. Whoever comes is greeted with [param hello].
+## dropped. Each is greeted with [param hello].
 func listen_at(arguments: LudusArguments, timeout_ms: int, hello: Dictionary) -> bool:
 	var address := arguments.listen_at
 	is_local = is_loopback(address)
@@ -84,21 +84,21 @@ func listen_at(arguments: LudusArguments, timeout_ms: int, hello: Dictionary) ->
 		error = "cannot listen at %s" % address
 		return false
 	var deadline := OS.get_ticks_msec() + timeout_ms
-	var guests := []
+	var pending := []
 	while _stream == null and error.empty():
 		if server.is_connection_available():
 			var token := arguments.token_for(is_local)
 			var peer := server.take_connection()
-			guests.append(LudusGreeting.new(peer, hello.duplicate(), token, GREETING_TIMEOUT_MS))
-			if guests.size() > MAX_GUESTS:
-				guests.pop_front().dismiss()
+			pending.append(LudusGreeting.new(peer, hello.duplicate(), token, GREETING_TIMEOUT_MS))
+			if pending.size() > MAX_PENDING:
+				pending.pop_front().dismiss()
 		elif OS.get_ticks_msec() > deadline:
 			error = "no trainer connected to %s within %d s" % [address, timeout_ms / 1000]
 		else:
 			OS.delay_msec(CONNECT_POLL_MS)
-		guests = _move_on(guests)
-	for guest in guests:
-		guest.dismiss()
+		pending = _move_on(pending)
+	for greeting in pending:
+		greeting.dismiss()
 	server.stop()
 	return error.empty()
 
@@ -243,22 +243,22 @@ func _read_header() -> PoolByteArray:
 	return header
 
 
-## Moves on all who have connected to a listening game. Returns those that stay.
-func _move_on(guests: Array) -> Array:
+## Advances the greetings of clients. Returns those that go on.
+func _move_on(pending: Array) -> Array:
 	var staying := []
-	for guest in guests:
-		guest.advance()
-		match guest.state:
+	for greeting in pending:
+		greeting.advance()
+		match greeting.state:
 			LudusGreeting.State.WAITING:
-				staying.append(guest)
+				staying.append(greeting)
 			LudusGreeting.State.PROVEN:
-				_take(guest.stream)
+				_take(greeting.stream)
 			LudusGreeting.State.REFUSED:
-				printerr("ludus: dropped who connected: ", guest.error)
-				guest.dismiss()
+				printerr("ludus: dropped a client: ", greeting.error)
+				greeting.dismiss()
 			LudusGreeting.State.ENDED:
-				if _stream == null and not guest.error.empty():  # it speaks the protocol
-					error = "%s; %s" % [guest.error, guest.hint]
+				if _stream == null and not greeting.error.empty():  # it speaks the protocol
+					error = "%s; %s" % [greeting.error, greeting.hint]
 	return staying
 
 

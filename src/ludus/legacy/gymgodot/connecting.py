@@ -22,7 +22,7 @@ DEFAULT_RENDER_PATH = "./render_frames/"
 _POLL_S = 0.01
 _HANDSHAKE_S = 5.0
 _MAX_PENDING = 64
-"""Where more shake hands at once, who has been there longest has to go: a game takes no time."""
+"""With one more, the oldest is dropped: a game shakes hands at once."""
 _NO_SCREEN = "Display is not available"
 _SILENCE_HINT = (
     "a game that is paused or hangs never answers; if a step really takes longer, raise "
@@ -126,7 +126,7 @@ def _await_game(
 
 
 def _accept(listener: socket.socket, address: Address, pending: list[_PendingClient]) -> str:
-    """Take in who has connected; return why one was turned away, if any was."""
+    """Accept a client, if there is one; return why it was rejected, if it was."""
     try:
         connection, _ = listener.accept()
     except (BlockingIOError, ConnectionError):
@@ -143,7 +143,7 @@ def _accept(listener: socket.socket, address: Address, pending: list[_PendingCli
 
 
 class _PendingClient:
-    """One who has connected, and has not shaken hands yet."""
+    """A client that has yet to shake hands."""
 
     def __init__(self, stream: ByteStream, framing: WebSocketFraming) -> None:
         self.stream = stream

@@ -45,8 +45,8 @@ class Settings:
             end. None: somebody else starts it.
         window_render: Whether the game draws while it steps.
         env_fps: Frames in one second of game time.
-        allow_remote: Let a game on another machine connect. GymGodot has no password: whoever
-            reaches the port can play the game.
+        allow_remote: Let a game on another machine connect. GymGodot has no password: any program
+            that reaches the port can play the game.
         start_timeout_s: How long it may take until the game has connected, seconds.
         step_timeout_s: How long an answer may take, seconds.
     """

@@ -202,5 +202,5 @@ class Agents:
                 return self._loaded_from(self._began_with[name], agent.settings)
         except LudusError as error:
             log.error("%s", error)
-        self._saved_steps.pop(agent.settings.name, None)
+        self._saved_steps.pop(name, None)
         return Agent(agent.settings, self._seed, self._device)

@@ -50,7 +50,7 @@ class ServerConfig:
         port: TCP port on the loopback address; 0 takes a free one.
         message_timeout_s: How long a client may take to send the rest of a message, or to take an
             answer. Between messages it may be silent for ever.
-        max_clients: More than so many at once are turned away.
+        max_clients: Most clients at once; more are rejected.
     """
 
     port: int

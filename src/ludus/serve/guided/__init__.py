@@ -6,7 +6,7 @@
     guidance    what is done for a game: stand by, train, play a round
     rounds      one episode in every world, for people to watch
     game_run    the run of a game: resumed, new, or new beside an old one
-    game_server who may come in, one at a time; beside training, in a thread of its own
+    game_server accepts games, one at a time; in a separate thread, beside training
 
 Each imports only those below it.
 """

@@ -9,10 +9,10 @@ const LudusGreeting := preload("res://addons/ludus/bridge/greeting.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
 const MIN_TOKEN_LENGTH := 16
-## How long who connects to a listening game may take to prove itself.
+## How long a client of a listening game may take to prove itself.
 const GREETING_TIMEOUT_MS := 10000
-## Where more do so at once, who has been there longest has to go: a trainer takes no time.
-const MAX_GUESTS := 64
+## With one more, the oldest is dropped: a trainer proves itself at once.
+const MAX_PENDING := 64
 const CONNECT_POLL_MS := 5
 const WAIT_POLL_US := 300
 const WATCH_INTERVAL_MS := 100
@@ -68,7 +68,7 @@ func connect_to(addresses: PackedStringArray, timeout_ms: int) -> bool:
 
 
 ## Listens at the TCP address of [param arguments] until a trainer has proved itself; others are
-## dropped. Whoever comes is greeted with [param hello].
+## dropped. Each is greeted with [param hello].
 func listen_at(arguments: LudusArguments, timeout_ms: int, hello: Dictionary) -> bool:
 	var address := arguments.listen_at
 	is_local = is_loopback(address)
@@ -80,21 +80,21 @@ func listen_at(arguments: LudusArguments, timeout_ms: int, hello: Dictionary) ->
 		error = "cannot listen at %s" % address
 		return false
 	var deadline := Time.get_ticks_msec() + timeout_ms
-	var guests: Array[LudusGreeting] = []
+	var pending: Array[LudusGreeting] = []
 	while _stream == null and error.is_empty():
 		if server.is_connection_available():
 			var token := arguments.token_for(is_local)
 			var peer := server.take_connection()
-			guests.append(LudusGreeting.new(peer, hello.duplicate(), token, GREETING_TIMEOUT_MS))
-			if guests.size() > MAX_GUESTS:
-				guests.pop_front().dismiss()
+			pending.append(LudusGreeting.new(peer, hello.duplicate(), token, GREETING_TIMEOUT_MS))
+			if pending.size() > MAX_PENDING:
+				pending.pop_front().dismiss()
 		elif Time.get_ticks_msec() > deadline:
 			error = "no trainer connected to %s within %d s" % [address, timeout_ms / 1000]
 		else:
 			OS.delay_msec(CONNECT_POLL_MS)
-		guests = guests.filter(_is_still_guest)
-	for guest: LudusGreeting in guests:
-		guest.dismiss()
+		pending = pending.filter(_is_still_pending)
+	for greeting: LudusGreeting in pending:
+		greeting.dismiss()
 	server.stop()
 	return error.is_empty()
 
@@ -261,20 +261,20 @@ func _read_header() -> PackedByteArray:
 	return header
 
 
-## Moves on one who has connected to a listening game. Returns whether that one stays.
-func _is_still_guest(guest: LudusGreeting) -> bool:
-	guest.advance()
-	match guest.state:
+## Advances the greeting of a client. Returns whether it goes on.
+func _is_still_pending(greeting: LudusGreeting) -> bool:
+	greeting.advance()
+	match greeting.state:
 		LudusGreeting.State.WAITING:
 			return true
 		LudusGreeting.State.PROVEN:
-			_take(guest.stream)
+			_take(greeting.stream)
 		LudusGreeting.State.REFUSED:
-			printerr("ludus: dropped who connected: ", guest.error)
-			guest.dismiss()
+			printerr("ludus: dropped a client: ", greeting.error)
+			greeting.dismiss()
 		LudusGreeting.State.ENDED:
-			if _stream == null and not guest.error.is_empty():  # it speaks the protocol: no accident
-				error = "%s; %s" % [guest.error, guest.hint]
+			if _stream == null and not greeting.error.is_empty():  # it speaks the protocol: no accident
+				error = "%s; %s" % [greeting.error, greeting.hint]
 	return false
 
 

@@ -1,4 +1,4 @@
-//! Waiting for a trainer: all who connect are greeted at the same time, and one is let in.
+//! Waiting for a trainer: all clients are greeted at the same time, and one is accepted.
 
 use super::greeting::{Greeting, MIN_TOKEN_LENGTH};
 use super::stream::{Listener, Stream};
@@ -11,14 +11,14 @@ use std::io::ErrorKind;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-/// How long one who connects may take to prove itself.
+/// How long a client may take to prove itself.
 const GREETING_TIMEOUT: Duration = Duration::from_secs(10);
-/// Where more do so at once, who has been there longest has to go: a trainer takes no time.
+/// With one more, the oldest is dropped: a trainer proves itself at once.
 const MAX_GUESTS: usize = 64;
 const MAX_GREETING_BYTES: usize = 1 << 16;
 const POLL: Duration = Duration::from_millis(5);
 
-/// One who has connected, and has proved nothing yet.
+/// A client that has yet to prove itself.
 struct Guest {
     stream: Stream,
     greeting: Greeting,
@@ -47,7 +47,7 @@ pub(super) fn listen(
             match token.and_then(|token| Guest::greet(stream, token)) {
                 Ok(guest) => guests.extend(guest),
                 // A trainer of this user writes the token before it connects.
-                Err(failure) => print_error(&format!("dropped who connected: {failure}"), ""),
+                Err(failure) => print_error(&format!("dropped a client: {failure}"), ""),
             }
             if guests.len() > MAX_GUESTS {
                 guests.pop_front();
@@ -79,7 +79,7 @@ pub(super) fn listen(
 }
 
 impl Guest {
-    /// Sends the greeting; none if that cannot be, as the guest has gone.
+    /// Sends the greeting; none if the client has gone.
     fn greet(mut stream: Stream, token: String) -> Result<Option<Self>, Failure> {
         let mut greeting = Greeting::new(token)?;
         let hello = greeting.hello()?;
@@ -120,15 +120,15 @@ impl Guest {
         Ok(Some(self.greeting.state))
     }
 
-    /// Tells the guest why it is dropped, as far as it listens.
+    /// Tells the client why it is dropped, as far as it listens.
     fn dismiss(&mut self, failure: &Failure) {
         let Some(report) = failure.report() else {
             return;
         };
-        print_error(&format!("dropped who connected: {failure}"), "");
+        print_error(&format!("dropped a client: {failure}"), "");
         let report: ErrorReport = report;
         if let Ok(frame) = encode_json(crate::wire::FrameType::Error, &report) {
-            // An error means that the guest has gone.
+            // An error means that the client has gone.
             let _ = self.stream.write_all(&frame, GREETING_TIMEOUT);
         }
     }
