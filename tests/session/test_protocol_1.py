@@ -33,6 +33,7 @@ else:
 talk = Talk(connection, FLAT)
 hello = {{{{**load("hello_protocol_1").content, "engine": load("hello").content["engine"]}}}}
 hello["protocol"] = {{versions}}
+hello["training"] = {{{{}}}}  # as a game that guides its training has it
 talk.json("HELLO", hello)
 name, payload = talk.read()
 if name != "WELCOME":
