@@ -61,6 +61,7 @@ def test_what_a_space_prints_is_read_again(space: spaces.Space[Any]) -> None:
         ("", "cannot be read"),
         ("2", "must be one of Discrete, Box"),
         ("Box(-2, 2, (1,)", "was never closed"),
+        ("Box(-2, 2, (1,), float32, 3)", "Box takes low, high, shape and dtype"),
         ("Box(-2)", "cannot be read: 'high'"),
         ("Box(0, 255, (4,), 'float13')", "float13"),
         ("Discrete(-1)", "cannot be read"),

@@ -17,7 +17,7 @@ import pytest
 
 from ludus.cli.main import main
 from ludus.errors import ConfigError, LudusError, RunError
-from ludus.runs.checkpoint import read_checkpoint
+from ludus.runs.checkpoint import checkpoint_errors, read_checkpoint
 from ludus.runs.control import StopRequest, send_request, take_requests
 from ludus.runs.metrics import read_metrics
 from ludus.runs.run_folder import RunFolder
@@ -234,6 +234,11 @@ def test_training_goes_on_whatever_lies_among_the_requests(small: Any) -> None:
     config = small(total_steps=6_400)
     result = train(config, reporter=Dropping(config.runs / "run"))
     assert (result.stop_reason, result.updates) == ("stopped", 4)
+
+
+def test_a_lack_of_memory_is_not_blamed_on_a_checkpoint(tmp_path: Path) -> None:
+    with pytest.raises(MemoryError), checkpoint_errors(tmp_path):
+        raise MemoryError
 
 
 @pytest.mark.parametrize("error", [RecursionError(), RunError("x"), MemoryError(), OSError(5, "x")])

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -189,3 +190,9 @@ def test_refuses_malformed_files(tmp_path: Path, name: str, text: str) -> None:
 def test_refuses_missing_files(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"cannot read .*nowhere\.toml"):
         read_file(tmp_path / "nowhere.toml")
+
+
+def test_does_not_wait_for_a_pipe(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.toml")
+    with pytest.raises(ConfigError, match="not a plain file"):
+        read_file(tmp_path / "a.toml")

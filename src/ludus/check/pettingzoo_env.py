@@ -15,7 +15,7 @@ from typing import Any
 from ludus.check.context import CheckContext
 from ludus.check.finding import Finding, fail, info, ok
 from ludus.check.gymnasium_env import why_not_gymnasium
-from ludus.errors import MissingExtra
+from ludus.errors import LudusError, MissingExtra
 from ludus.extras import install_hint
 
 __all__ = ["check_pettingzoo"]
@@ -66,4 +66,8 @@ def _run(name: str, test: Callable[[], Any]) -> Finding:
             test()
         except AssertionError as error:
             return fail(f"{TITLE}.{name}", " ".join(str(error).split()) or "an assertion failed")
+        except LudusError:
+            raise
+        except Exception as error:  # whatever their tests do with an environment that they reject
+            return fail(f"{TITLE}.{name}", f"{type(error).__name__}: {error}")
     return ok(f"{TITLE}.{name}")

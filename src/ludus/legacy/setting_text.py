@@ -129,6 +129,8 @@ def _make(name: str, positional: list[Any], named: dict[str, Any]) -> spaces.Spa
         raise ValueError(f"there is no space {name}")
     if name != "Box":
         return cast("spaces.Space[Any]", _SPACES[name](*positional, **named))
+    if len(positional) > 4:
+        raise ValueError("Box takes low, high, shape and dtype")
     values = dict(zip(("low", "high", "shape", "dtype"), positional, strict=False)) | named
     dtype = np.dtype(values.pop("dtype", "float32"))
     bounds = {

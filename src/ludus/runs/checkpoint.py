@@ -26,6 +26,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+import torch
 from safetensors.torch import load as load_safetensors
 from safetensors.torch import save as save_safetensors
 from torch import Tensor
@@ -170,8 +171,8 @@ def checkpoint_errors(path: Path) -> Generator[None, None, None]:
         yield
     except ConfigError as error:
         raise _corrupt(path, error.message) from error
-    except LudusError:
-        raise
+    except (LudusError, MemoryError, torch.cuda.OutOfMemoryError):
+        raise  # the last two say nothing about the checkpoint
     except Exception as error:
         raise _corrupt(path, f"{type(error).__name__}: {error}") from error
 

@@ -181,8 +181,10 @@ def _await_engine(
     with contextlib.closing(acceptor):
         try:
             while time.monotonic() < deadline:
-                for connection in acceptor.await_proven():
-                    return connection
+                if proven := acceptor.await_proven():
+                    for other in proven[1:]:
+                        other.socket.close()
+                    return proven[0]
                 check()
         except EngineCrashed as error:
             # The game has printed what it was told; a stranger that was refused has not.

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeVar, cast
 
-from ludus.disk import parse_json
+from ludus.disk import parse_json, read_plain_file
 from ludus.errors import ConfigError, did_you_mean
 from ludus.settings.checks import Settings
 from ludus.settings.policy_config import ALGORITHM_CONFIGS, PolicyConfig, PPOConfig, SACConfig
@@ -124,7 +124,7 @@ def read_file(path: Path) -> dict[str, Any]:
         ConfigError: The file cannot be read or is malformed.
     """
     try:
-        data = path.read_bytes()
+        data = read_plain_file(path)
     except OSError as error:
         raise ConfigError(f"cannot read the settings in {path}: {error}") from None
     kind, values = "JSON" if path.suffix == ".json" else "TOML", cast(Any, None)

@@ -131,6 +131,8 @@ def _accept(listener: socket.socket, address: Address, pending: list[_PendingCli
         connection, _ = listener.accept()
     except (BlockingIOError, ConnectionError):
         return ""
+    except OSError as error:  # too many files are open
+        return f"; a connection could not be accepted: {error.strerror}"
     if is_strangers(connection):
         connection.close()
         return "; what did connect was another user's program"
