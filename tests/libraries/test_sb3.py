@@ -75,10 +75,10 @@ class Pictures(gymnasium.Env[Any, Any]):
 @pytest.fixture(scope="module", autouse=True)
 def _pictures() -> Iterator[None]:
     only_eye = partial(gymnasium.wrappers.FilterObservation, filter_keys=["eye"])
-    cast(Any, gymnasium).register("Pictures-v0", Pictures)
+    cast(Any, gymnasium).register("Sb3Pictures-v0", Pictures)
     cast(Any, gymnasium).register("Picture-v0", lambda: only_eye(Pictures()))
     yield
-    del gymnasium.registry["Pictures-v0"], gymnasium.registry["Picture-v0"]
+    del gymnasium.registry["Sb3Pictures-v0"], gymnasium.registry["Picture-v0"]
 
 
 @pytest.fixture(scope="module")
@@ -152,7 +152,7 @@ CASES: list[tuple[str, Any, dict[str, Any], bool]] = [
     ("pendulum", PPO, {"n_steps": 32}, False),
     ("pendulum", SAC, {"learning_starts": 8}, True),
     ("key_door", MaskablePPO, {"n_steps": 32}, False),
-    ("gym:Pictures-v0", PPO, {"n_steps": 16, "n_epochs": 1}, False),
+    ("gym:Sb3Pictures-v0", PPO, {"n_steps": 16, "n_epochs": 1}, False),
 ]
 
 
