@@ -11,7 +11,6 @@ import json
 import os
 import shutil
 import socket
-import struct
 import subprocess
 import sys
 import threading
@@ -34,11 +33,12 @@ from ludus.engine import (
     godot_command,
 )
 from ludus.errors import EngineStartError
-from ludus.link import Link
+from ludus.link import Link, LinkClosed
 from ludus.session import LaunchOptions
 from ludus.target import Executable, Scene
 from ludus.target.kinds import DEFAULT_PORT
-from ludus.wire.frames import FrameType
+from ludus.wire.frames import FrameType, encode_frame
+from ludus.wire.proof import make_nonce, make_proof
 from tests.fake_engine import TOKEN
 from tests.godot.conftest import Game, is_gone
 from tests.godot.test_attach import await_port, free_port, running_game
@@ -50,7 +50,7 @@ from tests.wire.reference import json_frame
 ENGINES = ["cartpole", "godot3:cartpole", pytest.param("bevy:cartpole", marks=pytest.mark.bevy)]
 pytestmark = [pytest.mark.engine, pytest.mark.timeout(300)]
 DEADLINE_S = 30.0
-REFUSAL = {"code": "version", "message": "the trainer is too old", "hint": "upgrade it"}
+REFUSAL = {"code": "version", "message": "\x1b[2J\nthe trainer is too old", "hint": "upgrade it"}
 
 
 def command_of(target: str, *arguments: str) -> tuple[str, ...]:
@@ -78,6 +78,20 @@ def connect(port: int, said: bytes = b"") -> socket.socket:
     connection = socket.create_connection(("127.0.0.1", port), DEADLINE_S)
     connection.sendall(said)
     return connection
+
+
+def refuse(port: int, token: str) -> None:
+    """Answer the game's greeting with an ERROR, with the proof for a token unless that is empty."""
+    with connect(port) as connection:
+        link = Link(connection, DEADLINE_S)
+        report, nonce = REFUSAL, make_nonce()
+        hello = json.loads(link.receive()[1])
+        if token:
+            proof = make_proof(token, "trainer", hello["nonce"], nonce)
+            report = {**REFUSAL, "nonce": nonce, "proof": proof}
+        link.send(json_frame("ERROR", report))
+        with contextlib.suppress(LinkClosed):
+            link.receive()
 
 
 def reflect(port: int) -> dict[str, str]:
@@ -116,21 +130,34 @@ def test_a_game_that_listens_sends_its_token_to_nobody(target: str) -> None:
         link = Link(connection, DEADLINE_S)
         hello = greet(link)
         assert TOKEN not in repr(hello)
-        link.send(json_frame("CLOSE", {})[:4] + struct.pack("<BBH", 12, 0, 0))
+        link.send(encode_frame(FrameType.CLOSE))
         assert game.wait(DEADLINE_S) is not None
 
 
 @pytest.mark.parametrize("target", ENGINES)
 def test_a_game_whose_greeting_is_refused_quits(target: str) -> None:
-    with listening(target) as (game, port):
-        with connect(port) as connection:
-            link = Link(connection, DEADLINE_S)
-            assert link.receive()[0] is FrameType.HELLO
-            link.send(json_frame("ERROR", REFUSAL))
-            assert game.wait(DEADLINE_S) == 1
+    with listening(target, **TOKEN_ENV) as (game, port):
+        refuse(port, TOKEN)
+        assert game.wait(DEADLINE_S) == 1
         assert "the trainer is too old" in "\n".join(game.last_lines())
+        assert "dropped" not in "\n".join(game.last_lines())
         with pytest.raises(OSError, match="refused"):
             connect(port)
+
+
+@pytest.mark.parametrize("target", ENGINES)
+def test_a_stranger_cannot_refuse_a_game_that_listens(target: str) -> None:
+    """Neither by an ERROR, without a proof or with a wrong one, nor by CLOSE or by hanging up."""
+    with listening(target) as (game, port):
+        for token in ("", TOKEN):
+            refuse(port, token)
+        for said in (encode_frame(FrameType.CLOSE), b""):
+            connect(port, said).close()
+        train(f"127.0.0.1:{port}")
+        assert game.wait(DEADLINE_S) == 0, game.last_lines(20)
+        lines = [line for line in game.last_lines(50) if "ERROR without the trainer's" in line]
+        assert len(lines) == 2, game.last_lines(50)
+        assert all(line.isprintable() and "the trainer is too old" in line for line in lines)
 
 
 @pytest.mark.parametrize("target", ENGINES)

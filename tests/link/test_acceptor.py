@@ -15,7 +15,7 @@ from ludus.link.acceptor import MAX_PENDING
 from ludus.wire.greeting import Greeting
 from tests.fake_engine import FLAT, HELLO, TOKEN, Talk
 from tests.link.test_peer import CONNECT, NOBODY, program
-from tests.wire.reference import json_frame
+from tests.wire.reference import json_frame, make_proof
 
 DEADLINE_S = 10.0
 
@@ -92,6 +92,17 @@ def test_a_stranger_that_reflects_our_proof_stays_out(visitors: Visitors) -> Non
     talk.json("PROOF", {"proof": challenge["proof"]})
     assert visitors.look() == []
     assert talk.read()[0] == "ERROR"
+
+
+def test_a_refusal_proves_that_it_is_ours(visitors: Visitors) -> None:
+    hello = {**HELLO, "protocol": {"min": 8, "max": 9}}
+    talk = Talk(visitors.connect(json_frame("HELLO", hello)), FLAT)
+    visitors.look()
+    name, payload = talk.read()
+    assert name == "ERROR"
+    report = json.loads(payload)
+    expected = make_proof(TOKEN, "trainer", HELLO["nonce"], report["nonce"])
+    assert (report["code"], report["proof"]) == ("version", expected)
 
 
 def test_a_game_with_another_token_stays_out(visitors: Visitors) -> None:

@@ -71,9 +71,10 @@ class ProtocolError(Exception):
 class DisconnectedError(Exception):
     """The trainer has left; the exit code tells how, §11."""
 
-    def __init__(self, message: str, exit_code: int = 0) -> None:
+    def __init__(self, message: str, exit_code: int = 0, *, is_proven: bool = True) -> None:
         super().__init__(message)
         self.exit_code = exit_code
+        self.is_proven = is_proven  # whether it is the trainer, §3 "Strangers"
 
 
 def pack_frame(frame_type: int, payload: bytes = b"") -> bytes:
@@ -454,6 +455,15 @@ def make_proof(token: str, side: str, engine_nonce: str, trainer_nonce: str) -> 
     return hmac.digest(token.encode(), f"ludus 2 {side}".encode() + nonces, "sha256").hex()
 
 
+def is_trainer(token: str, nonces: tuple[str, str], proof: str) -> bool:
+    """Tell whether a proof is the trainer's, for the nonces of engine and trainer."""
+    try:
+        expected = make_proof(token, "trainer", *nonces)
+    except ValueError:  # a nonce that is not hexadecimal
+        return False
+    return hmac.compare_digest(expected.encode(), proof.encode(errors="replace"))
+
+
 def shake_hands(connection: Connection, token: str, timeout_s: float) -> None:
     """Introduce this engine, and let both sides prove that they know the token, §3."""
     if not token:
@@ -468,15 +478,15 @@ def shake_hands(connection: Connection, token: str, timeout_s: float) -> None:
     }
     connection.send(pack_json(HELLO, hello))
     frame_type, payload = connection.receive(timeout_s)
-    if frame_type != CHALLENGE:
+    if frame_type not in (CHALLENGE, ERROR):
         raise_unexpected(frame_type, payload)
-    challenge = parse_json(payload)
-    nonces = nonce, str(challenge.get("nonce"))
-    try:
-        proof = make_proof(token, "trainer", *nonces)
-    except ValueError as error:
-        raise ProtocolError("frame", "the nonce is not hexadecimal") from error
-    if not hmac.compare_digest(proof.encode(), str(challenge.get("proof")).encode()):
+    answer = parse_json(payload)
+    nonces = nonce, str(answer.get("nonce"))
+    is_proven = is_trainer(token, nonces, str(answer.get("proof")))
+    if frame_type == ERROR:
+        message = str(answer.get("message"))
+        raise DisconnectedError(message, exit_code=1, is_proven=is_proven)
+    if not is_proven:
         raise ProtocolError("token", "the token of the trainer is not the one of this game")
     connection.send(pack_json(PROOF, {"proof": make_proof(token, "engine", *nonces)}))
 
@@ -609,8 +619,11 @@ def listen(address: str, token_file: str | None) -> Connection:
             shake_hands(client, token, CLIENT_TIMEOUT_S)
             proven.put(client)
         except DisconnectedError as error:
-            if error.exit_code:
+            if error.exit_code and error.is_proven:
                 proven.put(error)
+            else:
+                client.close()
+                _log.warning("dropped a client that has proved nothing: %a", str(error))
         except ProtocolError as error:
             tell_failure(client, error)
 

@@ -18,6 +18,7 @@ import pytest
 from ludus import PoolConfig, TrainConfig, open_pool, train
 from ludus.check import CheckConfig, CheckReport, Status, run_checks
 from ludus.errors import LudusError
+from ludus.link import Link, LinkClosed
 from tests.protocol import reference_engine as engine
 
 GOLDEN = Path(__file__).parents[2] / "protocol" / "golden"
@@ -75,12 +76,12 @@ def test_golden_frame_is_read(name: str, said: dict[str, Any]) -> None:
 
 
 def test_golden_proofs_are_made() -> None:
-    hello, challenge, proof = (
+    hello, challenge, refusal, proof = (
         json.loads((GOLDEN / f"{name}.json").read_text())
-        for name in ("hello", "challenge", "proof")
+        for name in ("hello", "challenge", "error_refused", "proof")
     )
     nonces = hello["content"]["nonce"], challenge["content"]["nonce"]
-    for side, frame in (("trainer", challenge), ("engine", proof)):
+    for side, frame in (("trainer", challenge), ("trainer", refusal), ("engine", proof)):
         made = engine.make_proof(frame["token"], side, *nonces)
         assert made == frame["content"]["proof"]
 
@@ -179,6 +180,29 @@ def test_strangers_keep_no_trainer_out() -> None:
         with open_pool(address) as pool:
             pool.reset(seed=1)
         assert process.wait(timeout=10) == 0
+
+
+@pytest.mark.engine
+def test_only_the_trainer_can_refuse(tmp_path: Path) -> None:
+    """An ERROR without its proof is a stranger's, which keeps no trainer out."""
+    token, nonce = "a token that is long enough", "00" * 32
+    (tmp_path / "token").write_text(token)
+    with listening(f"--ludus-token-file={tmp_path / 'token'}") as (address, process):
+        host, port = address.split(":")
+        for known in ("", "another token, long as well", token):
+            with socket.create_connection((host, int(port))) as client:
+                link = Link(client, 10.0)
+                hello = json.loads(link.receive()[1])
+                report = {"code": "version", "message": "no"}
+                if known:
+                    report["nonce"] = nonce
+                    report["proof"] = engine.make_proof(known, "trainer", hello["nonce"], nonce)
+                link.send(engine.pack_json(engine.ERROR, report))
+                if known != token:
+                    with pytest.raises(LinkClosed):
+                        link.receive()
+                    assert process.poll() is None
+        assert process.wait(timeout=10) == 1
 
 
 @pytest.mark.engine

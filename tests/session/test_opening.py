@@ -86,6 +86,7 @@ def test_without_a_common_version_both_sides_learn_which_to_upgrade(
         name, payload = talk.read()
         assert name == "ERROR"
         assert b'"code":"version"' in payload
+        assert b'"proof":"' in payload
         assert upgrade.encode() in payload
 
     with pytest.raises(EngineStartError) as caught:

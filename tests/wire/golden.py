@@ -34,7 +34,7 @@ class Golden:
         type: Frame type.
         content: What it carries; see ``protocol/golden/README.md``.
         spec_json: The spec that ``STEP`` and ``BATCH`` belong to.
-        token: The token that ``CHALLENGE`` and ``PROOF`` prove.
+        token: The token that ``CHALLENGE``, ``PROOF`` and ``error_refused`` prove.
     """
 
     name: str

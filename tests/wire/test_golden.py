@@ -99,10 +99,10 @@ def test_welcome_has_the_keys_of_the_protocol() -> None:
     assert written["config"] == config
 
 
-@of_types(FrameType.CHALLENGE, FrameType.PROOF)
+@pytest.mark.parametrize("golden", [golden for golden in ALL if golden.token], ids=by_name)
 def test_proofs_are_those_of_the_protocol(golden: Golden) -> None:
     nonces = load("hello").content["nonce"], load("challenge").content["nonce"]
-    role: Role = "trainer" if golden.type is FrameType.CHALLENGE else "engine"
+    role: Role = "engine" if golden.type is FrameType.PROOF else "trainer"
     proof = make_proof(golden.token, role, *nonces)
     assert proof == golden.content["proof"]
     assert proof == reference.make_proof(golden.token, role, *nonces)

@@ -22,6 +22,7 @@ from tests.wire.test_fuzz import ODD_VALUES, places, put
 HELLO = load("hello").content
 OLD_HELLO = load("hello_protocol_1").content
 TOKEN = "a token of 16 characters"
+REPORT = {"code": "version", "message": "too old", "hint": "upgrade"}
 
 
 def say(greeting: Greeting, frame_type: FrameType, content: Any) -> dict[str, Any]:
@@ -135,6 +136,39 @@ def test_an_engine_that_knows_both_protocols_proves_itself() -> None:
 def test_a_nonce_has_64_hexadecimal_digits(nonce: str) -> None:
     with pytest.raises(ProtocolError, match=r"HELLO\.nonce"):
         say(Greeting(TOKEN), FrameType.HELLO, {**HELLO, "nonce": nonce})
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"protocol": {"min": 8, "max": 9}},
+        {"protocol": {"min": 1, "max": 1}},
+        {"protocol": 7},
+        {"capabilities": None},
+    ],
+)
+def test_a_refusal_in_place_of_a_challenge_proves_that_it_is_ours(wrong: dict[str, Any]) -> None:
+    greeting = Greeting(TOKEN)
+    with pytest.raises((GreetingRefused, ProtocolError)):
+        say(greeting, FrameType.HELLO, {**HELLO, **wrong})
+    refusal = greeting.refusal(REPORT)
+    nonces = HELLO["nonce"], refusal.pop("nonce")
+    assert is_hex(nonces[1])
+    assert refusal.pop("proof") == reference_proof(TOKEN, "trainer", *nonces)
+    assert refusal == REPORT
+
+
+def test_other_errors_have_no_proof() -> None:
+    """Before there is a nonce of the engine, and after the challenge, which has one."""
+    greeting = Greeting(TOKEN)
+    assert greeting.refusal(REPORT) == REPORT
+    say(greeting, FrameType.HELLO, HELLO)
+    assert greeting.refusal(REPORT) == REPORT
+    for nonce in ("", "A" * 64, 7, None):
+        nameless = Greeting(TOKEN)
+        with pytest.raises(ProtocolError):
+            say(nameless, FrameType.HELLO, {**HELLO, "nonce": nonce})
+        assert nameless.refusal(REPORT) == REPORT
 
 
 def test_no_token_is_no_secret() -> None:

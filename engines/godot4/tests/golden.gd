@@ -11,7 +11,7 @@ var type: int
 var content: Dictionary
 ## The spec that a [code]STEP[/code] or a [code]BATCH[/code] belongs to.
 var spec: Dictionary
-## The token that a [code]CHALLENGE[/code] or a [code]PROOF[/code] proves.
+## The token that a [code]CHALLENGE[/code], a [code]PROOF[/code] or a refusal proves.
 var token: String
 ## The whole frame.
 var frame: PackedByteArray

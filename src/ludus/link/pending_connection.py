@@ -114,7 +114,7 @@ class PendingConnection:
         self._timeout_s = LINGER_S
         self._deadline = time.monotonic() + LINGER_S
         with contextlib.suppress(OSError):
-            self.socket.send(encode_json(FrameType.ERROR, report))
+            self.socket.send(encode_json(FrameType.ERROR, self.greeting.refusal(report)))
             # Closing at once, with unread data, would destroy what was sent.
             self.socket.shutdown(socket.SHUT_WR)
 

@@ -82,6 +82,7 @@ class EngineSession:
     ) -> None:
         self._link = link
         self._supervision = supervision
+        self._greeting = greeting
         self._state = greeting.state
         self._call_id = 0
         self._num_steps = 0
@@ -273,8 +274,11 @@ class EngineSession:
 
     def fail(self, error: LudusError) -> None:
         """Tell the game why the session ends, and end it; does nothing once it has ended."""
-        report = error_report(error)
-        self._send_error(report["code"], report["message"], report["hint"])
+        report = self._greeting.refusal(error_report(error))
+        with contextlib.suppress(LinkClosed, LudusError):
+            self._state.send(FrameType.ERROR)
+            self._link.timeout_s = _CLOSE_TIMEOUT_S
+            self._link.send(encode_json(FrameType.ERROR, report))
         self.close()
 
     def close(self) -> None:
@@ -303,14 +307,6 @@ class EngineSession:
                 f"{self.hello.engine} cannot {what}: it lacks the capability {capability}",
                 hint="PROTOCOL.md §3 lists the capabilities that an engine may have",
             )
-
-    def _send_error(self, code: str, message: str, hint: str = "") -> None:
-        """Tell the engine why the session ends, if it still listens."""
-        with contextlib.suppress(LinkClosed, LudusError):
-            self._state.send(FrameType.ERROR)
-            self._link.timeout_s = _CLOSE_TIMEOUT_S
-            report = {"code": code, "message": message, "hint": hint}
-            self._link.send(encode_json(FrameType.ERROR, report))
 
     def _send(self, frame_type: FrameType, frame: bytes | bytearray) -> None:
         if self._link.has_pending:

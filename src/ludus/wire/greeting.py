@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from ludus.errors import ProtocolError
 from ludus.wire.frames import FrameType, decode_json, encode_json
 from ludus.wire.handshake import GreetingRefused, Hello
 from ludus.wire.json_object import JsonObject
 from ludus.wire.proof import is_hex, is_proof, make_nonce, make_proof
-from ludus.wire.state import ConnectionState
+from ludus.wire.state import ConnectionState, State
 
 __all__ = ["Greeting"]
 
@@ -36,6 +38,7 @@ class Greeting:
         self._token = token
         self._takes_protocol_1 = takes_protocol_1
         self._nonce = make_nonce()
+        self._engine_nonce = ""
         self._is_over = False
 
     @property
@@ -52,9 +55,25 @@ class Greeting:
         """
         value = decode_json(payload, frame_type.name)
         if frame_type is FrameType.HELLO:
+            nonce = value.get("nonce")
+            self._engine_nonce = nonce if isinstance(nonce, str) and is_hex(nonce) else ""
             return self._challenge(Hello.from_json(value))
         self._check_proof(JsonObject(value, "PROOF").text("proof"))
         return None
+
+    def refusal(self, report: Mapping[str, str]) -> dict[str, str]:
+        """Return the content of the ``ERROR`` that tells ``report``.
+
+        It has our proof if it takes the place of a ``CHALLENGE``, as far as the engine's nonce is
+        known: a game that listens ends only then.
+        """
+        if self.state.state is not State.GREETED or not self._engine_nonce:
+            return dict(report)
+        return {**report, **self._credentials()}
+
+    def _credentials(self) -> dict[str, str]:
+        proof = make_proof(self._token, "trainer", self._engine_nonce, self._nonce)
+        return {"nonce": self._nonce, "proof": proof}
 
     def _challenge(self, hello: Hello) -> bytes | None:
         self.hello = hello
@@ -69,16 +88,15 @@ class Greeting:
                 )
             self._is_over = True
             return None
-        if not is_hex(hello.nonce):
+        if not self._engine_nonce:
             raise ProtocolError("HELLO.nonce: expected 64 hexadecimal digits")
-        proof = make_proof(self._token, "trainer", hello.nonce, self._nonce)
         self.state.send(FrameType.CHALLENGE)
-        content = {"protocol": self.version, "nonce": self._nonce, "proof": proof}
+        content = {"protocol": self.version, **self._credentials()}
         return encode_json(FrameType.CHALLENGE, content)
 
     def _check_proof(self, proof: str) -> None:
-        assert self.hello is not None, "the state allows a PROOF only after a HELLO"
-        expected = make_proof(self._token, "engine", self.hello.nonce, self._nonce)
+        assert self._engine_nonce, "the state allows a PROOF only after a CHALLENGE"
+        expected = make_proof(self._token, "engine", self._engine_nonce, self._nonce)
         if not is_proof(proof, expected):
             raise GreetingRefused(
                 "token",

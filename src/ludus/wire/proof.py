@@ -37,7 +37,7 @@ def make_proof(token: str, role: Role, engine_nonce: str, trainer_nonce: str) ->
         token: The secret that both sides know.
         role: The side whose proof it is.
         engine_nonce: Nonce of the ``HELLO``.
-        trainer_nonce: Nonce of the ``CHALLENGE``.
+        trainer_nonce: Nonce of the ``CHALLENGE``, or of the ``ERROR`` in its place.
     """
     label = f"ludus 2 {role}".encode()
     message = label + bytes.fromhex(engine_nonce) + bytes.fromhex(trainer_nonce)

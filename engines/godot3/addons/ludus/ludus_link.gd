@@ -257,8 +257,12 @@ func _move_on(pending: Array) -> Array:
 				printerr("ludus: dropped a client: ", greeting.error)
 				greeting.dismiss()
 			LudusGreeting.State.ENDED:
-				if _stream == null and not greeting.error.empty():  # it speaks the protocol
+				greeting.dismiss()
+				if greeting.is_refusal_proven and _stream == null:
 					error = "%s; %s" % [greeting.error, greeting.hint]
+				elif not greeting.is_refusal_proven and not greeting.error.empty():
+					var said := LudusGreeting.printable(greeting.error)
+					printerr("ludus: dropped a client: ERROR without the trainer's proof: ", said)
 	return staying
 
 

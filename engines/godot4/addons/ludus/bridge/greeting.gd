@@ -17,6 +17,8 @@ const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
 const NONCE_BYTES := 32
 const LABEL := "ludus 2 %s"
+## How much of a stranger's text is printed, characters.
+const MAX_SHOWN := 200
 
 ## Connection that is greeted.
 var stream: StreamPeer
@@ -25,6 +27,8 @@ var state: State = State.WAITING
 var code: String = ""
 var error: String = ""
 var hint: String = ""
+## Whether the [code]ERROR[/code] that has refused us proves that it is the trainer's.
+var is_refusal_proven: bool = false
 ## Time at which it has taken too long, milliseconds since the start.
 var deadline_ms: int = 0
 
@@ -80,6 +84,16 @@ static func proof(
 	return Crypto.new().hmac_digest(HashingContext.HASH_SHA256, token.to_utf8_buffer(), message)
 
 
+## The beginning of a text that a stranger has sent, for a terminal: all but ASCII's printable
+## characters are escaped.
+static func printable(text: String) -> String:
+	var shown := ""
+	for letter: String in text.left(MAX_SHOWN):
+		var number := letter.unicode_at(0)
+		shown += letter if number >= 0x20 and number < 0x7f else "\\u%04x" % number
+	return shown
+
+
 func _read_frame() -> void:
 	if _received.size() < LudusWire.HEADER_BYTES:
 		return
@@ -101,6 +115,8 @@ func _read_frame() -> void:
 		state = State.ENDED
 		error = str(content.get("message", "the trainer refused"))
 		hint = str(content.get("hint", ""))
+		var theirs := _read_hex(content.get("proof"))
+		is_refusal_proven = _is_trainers(theirs, _read_hex(content.get("nonce")))
 	else:
 		_answer(content)
 
@@ -111,13 +127,19 @@ func _answer(challenge: Dictionary) -> void:
 	if nonce.is_empty() or theirs.is_empty():
 		_refuse("frame", "a CHALLENGE has a nonce and a proof of 64 hexadecimal digits each")
 		return
-	if not Crypto.new().constant_time_compare(proof(_token, "trainer", _nonce, nonce), theirs):
+	if not _is_trainers(theirs, nonce):
 		hint = "give both sides the same token file (--ludus-token-file, --token-file)"
 		_refuse("token", "the trainer's token is not ours")
 		return
 	var ours := {"proof": proof(_token, "engine", _nonce, nonce).hex_encode()}
 	var is_sent := stream.put_data(LudusWire.json_frame(LudusWire.Type.PROOF, ours)) == OK
 	state = State.PROVEN if is_sent else State.ENDED
+
+
+## Whether a proof for [param nonce], too, is that of a trainer who knows the token.
+func _is_trainers(theirs: PackedByteArray, nonce: PackedByteArray) -> bool:
+	var expected := proof(_token, "trainer", _nonce, nonce)
+	return Crypto.new().constant_time_compare(expected, theirs)
 
 
 func _refuse(why: String, message: String) -> void:

@@ -273,8 +273,12 @@ func _is_still_pending(greeting: LudusGreeting) -> bool:
 			printerr("ludus: dropped a client: ", greeting.error)
 			greeting.dismiss()
 		LudusGreeting.State.ENDED:
-			if _stream == null and not greeting.error.is_empty():  # it speaks the protocol: no accident
+			greeting.dismiss()
+			if greeting.is_refusal_proven and _stream == null:
 				error = "%s; %s" % [greeting.error, greeting.hint]
+			elif not greeting.is_refusal_proven and not greeting.error.is_empty():
+				var said := LudusGreeting.printable(greeting.error)
+				printerr("ludus: dropped a client: ERROR without the trainer's proof: ", said)
 	return false
 
 

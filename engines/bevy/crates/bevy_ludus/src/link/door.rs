@@ -5,7 +5,7 @@ use super::stream::{Listener, Stream};
 use super::{Address, CommandLine, Link, LinkError};
 use crate::error::print_error;
 use crate::training::Failure;
-use crate::wire::{ConnectionState, ErrorCode, ErrorReport, FrameReader, encode_json};
+use crate::wire::{ConnectionState, ErrorCode, ErrorReport, FrameReader, FrameType, encode_json};
 use std::collections::VecDeque;
 use std::io::ErrorKind;
 use std::thread::sleep;
@@ -16,6 +16,8 @@ const GREETING_TIMEOUT: Duration = Duration::from_secs(10);
 /// With one more, the oldest is dropped: a trainer proves itself at once.
 const MAX_GUESTS: usize = 64;
 const MAX_GREETING_BYTES: usize = 1 << 16;
+/// How much of a stranger's text is printed, characters.
+const MAX_SHOWN: usize = 200;
 const POLL: Duration = Duration::from_millis(5);
 
 /// A client that has yet to prove itself.
@@ -113,6 +115,17 @@ impl Guest {
         let Some(frame) = frames.first() else {
             return Ok(None);
         };
+        if frame.kind == FrameType::Error
+            && let Some(message) = self.greeting.unproven(&frame.payload)?
+        {
+            let said: String = message.chars().take(MAX_SHOWN).collect();
+            let said = said.escape_debug();
+            print_error(
+                &format!("dropped a client: ERROR without the trainer's proof: {said}"),
+                "",
+            );
+            return Err(LinkError::Closed.into());
+        }
         let proof = self.greeting.prove(frame.kind, &frame.payload)?;
         self.stream
             .write_all(&proof, GREETING_TIMEOUT)
@@ -127,7 +140,7 @@ impl Guest {
         };
         print_error(&format!("dropped a client: {failure}"), "");
         let report: ErrorReport = report;
-        if let Ok(frame) = encode_json(crate::wire::FrameType::Error, &report) {
+        if let Ok(frame) = encode_json(FrameType::Error, &report) {
             // An error means that the client has gone.
             let _ = self.stream.write_all(&frame, GREETING_TIMEOUT);
         }

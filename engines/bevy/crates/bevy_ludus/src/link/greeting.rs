@@ -7,10 +7,20 @@ use crate::wire::{
     FrameType, Hello, MAX_WORLDS, Nonce, PROTOCOL_MAX, PROTOCOL_MIN, Proof, Role, Versions,
     Welcome, encode_json, from_hex, is_proof, make_proof, read_object, to_hex,
 };
+use serde::Deserialize;
 
 pub(super) const MIN_TOKEN_LENGTH: usize = 16;
 /// The version of Bevy that this crate is made for.
 const BEVY_VERSION: &str = "0.19.1";
+
+/// What an `ERROR` in place of a `CHALLENGE` says, and of whom it is.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Refusal {
+    message: String,
+    nonce: String,
+    proof: String,
+}
 
 /// The first frames of a conversation: both sides prove that they know the token, and neither tells
 /// it.
@@ -85,6 +95,19 @@ impl Greeting {
             proof: to_hex(&ours),
         };
         Ok(encode_json(FrameType::Proof, &proof)?)
+    }
+
+    /// Returns the message of an `ERROR` in place of the `CHALLENGE` that does not prove itself the
+    /// trainer's; none if it does.
+    pub fn unproven(&self, payload: &[u8]) -> Result<Option<String>, Failure> {
+        let refusal: Refusal = read_object(payload, "ERROR")?;
+        let is_trainers = match (from_hex(&refusal.nonce), from_hex(&refusal.proof)) {
+            (Some(theirs), Some(proof)) => {
+                is_proof(&proof, &self.token, Role::Trainer, &self.nonce, &theirs)
+            }
+            _ => false,
+        };
+        Ok((!is_trainers).then_some(refusal.message))
     }
 }
 
@@ -164,4 +187,38 @@ fn check_config(config: &EngineConfig) -> Result<(), Failure> {
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn only_a_trainer_that_knows_the_token_can_refuse() {
+        let greeting = Greeting::new("a token of 16 characters".to_owned()).unwrap();
+        let theirs = Nonce::default();
+        let proof = |token: &str, role| to_hex(&make_proof(token, role, &greeting.nonce, &theirs));
+        let right = proof(&greeting.token, Role::Trainer);
+        let unproven = |nonce: &str, proof: &str| {
+            let report = json!({"code": "later", "message": "no", "nonce": nonce, "proof": proof});
+            greeting.unproven(report.to_string().as_bytes()).unwrap()
+        };
+        let nonce = to_hex(&theirs);
+        assert_eq!(unproven(&nonce, &right), None);
+        let said = Some("no".to_owned());
+        for wrong in [
+            "",
+            &nonce,
+            &right[2..],
+            &proof(&greeting.token, Role::Engine),
+            &proof("another token of 16", Role::Trainer),
+        ] {
+            assert_eq!(unproven(&nonce, wrong), said, "{wrong}");
+        }
+        assert_eq!(unproven("", &right), said);
+        assert_eq!(unproven(&to_hex(&greeting.nonce), &right), said);
+        assert_eq!(greeting.unproven(b"{}").unwrap(), Some(String::new()));
+        assert!(greeting.unproven(b"{\"nonce\": 1}").is_err());
+    }
 }

@@ -18,7 +18,7 @@ pub struct Golden {
     pub content: Value,
     /// The whole frame.
     pub frame: Vec<u8>,
-    /// The token that a `CHALLENGE` or a `PROOF` proves.
+    /// The token that a `CHALLENGE`, a `PROOF` or a refusal proves.
     pub token: String,
     /// Name of the spec it belongs to.
     pub spec: Option<String>,
