@@ -196,3 +196,8 @@ def test_does_not_wait_for_a_pipe(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "a.toml")
     with pytest.raises(ConfigError, match="not a plain file"):
         read_file(tmp_path / "a.toml")
+
+
+def test_functions_are_saved_as_a_command_line_names_them() -> None:
+    saved = to_plain(TrainConfig("gymgodot:walk.tscn", bridge={"make_action": json.dumps}))
+    assert saved["bridge"] == {"make_action": "json:dumps"}

@@ -11,6 +11,7 @@ import types
 import typing
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import FunctionType
 from typing import Any, Literal, TypeVar, cast
 
 from ludus.disk import parse_json, read_plain_file
@@ -142,8 +143,15 @@ def read_file(path: Path) -> dict[str, Any]:
 
 def to_plain(config: PolicyConfig | TrainConfig) -> dict[str, Any]:
     """Return ``config`` as JSON values; :func:`merge_settings` takes them back."""
-    plain = json.dumps(dataclasses.asdict(config), default=str)
+    plain = json.dumps(dataclasses.asdict(config), default=_as_text)
     return cast(dict[str, Any], json.loads(plain))
+
+
+def _as_text(value: Any) -> str:
+    """Return a setting that JSON does not know as a command line writes it."""
+    if isinstance(value, FunctionType):
+        return f"{value.__module__}:{value.__qualname__}"
+    return str(value)
 
 
 def plain_settings(values: Mapping[str, Any]) -> dict[str, Any]:
