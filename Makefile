@@ -146,9 +146,11 @@ campaign: renderers
 test-bevy: cargo renderers $(LIBRARIES)/.ready
 	@$(MAKE) --no-print-directory bevy-test
 	@$(MAKE) --no-print-directory bevy-examples
-	$(BIN)/pytest -m 'bevy and alone and not libraries'
-	$(PYTEST_PARALLEL) -m 'bevy and not alone and not libraries'
-	$(LIBRARIES)/all/bin/pytest -m 'bevy and libraries'
+	@failed=0; set -x; \
+	$(BIN)/pytest -m 'bevy and alone and not libraries' || failed=1; \
+	$(PYTEST_PARALLEL) -m 'bevy and not alone and not libraries' || failed=1; \
+	$(LIBRARIES)/all/bin/pytest -m 'bevy and libraries' || failed=1; \
+	exit $$failed
 
 cargo:
 	@command -v cargo > /dev/null || { echo "the Bevy crates need Cargo: $(CARGO_HINT)"; exit 1; }
