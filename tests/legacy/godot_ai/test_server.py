@@ -185,6 +185,14 @@ def test_too_many_clients(project: Path) -> None:
         client.close()
 
 
+def test_silent_clients_keep_no_game_out(start: Start) -> None:
+    running = start()
+    silent = [running.client() for _ in range(64)]
+    assert running.client().init() == DONE
+    for client in silent:
+        client.close()
+
+
 def test_a_second_server_on_the_port(start: Start, tmp_path: Path) -> None:
     running = start()
     other = tmp_path / "other"

@@ -50,7 +50,8 @@ class ServerConfig:
         port: TCP port on the loopback address; 0 takes a free one.
         message_timeout_s: How long a client may take to send the rest of a message, or to take an
             answer. Between messages it may be silent for ever.
-        max_clients: Most clients at once; more are rejected.
+        max_clients: Most clients at once. With one more, the oldest that has said nothing yet is
+            dropped; if all have, the new one is rejected.
     """
 
     port: int
@@ -96,7 +97,7 @@ class Server:
 
     def _accept_all(self) -> None:
         """Start a thread for each client that comes."""
-        clients: list[threading.Thread] = []
+        clients: list[_Client] = []
         with self._socket:
             while not self._is_stopping.is_set():
                 clients = [client for client in clients if client.is_alive()]
@@ -104,13 +105,16 @@ class Server:
                 if client is None:
                     continue
                 if len(clients) >= self._config.max_clients:
-                    client.turn_away(f"{self._config.max_clients} clients are connected already")
-                    continue
-                thread = threading.Thread(target=client.converse, name=client.name, daemon=True)
-                clients.append(thread)
-                thread.start()
-        for thread in clients:
-            thread.join(self._config.message_timeout_s)
+                    silent = next((other for other in clients if other.is_silent), None)
+                    if silent is None:
+                        client.turn_away(f"{len(clients)} clients are connected already")
+                        continue
+                    silent.drop()
+                    clients.remove(silent)
+                clients.append(client)
+                client.start()
+        for client in clients:
+            client.join(self._config.message_timeout_s)
 
     def _accept(self) -> _Client | None:
         """Wait a moment for a client."""
@@ -153,8 +157,12 @@ class _Request:
         return self._answer
 
 
-class _Client:
-    """One connection."""
+class _Client(threading.Thread):
+    """One connection.
+
+    Attributes:
+        is_silent: Whether it has sent no message yet.
+    """
 
     def __init__(
         self,
@@ -163,7 +171,9 @@ class _Client:
         requests: queue.SimpleQueue[_Request],
         is_stopping: threading.Event,
     ) -> None:
-        self.name = stream.peer
+        super().__init__(name=stream.peer, daemon=True)
+        self.is_silent = True
+        self._is_dropped = threading.Event()
         self._stream = stream
         self._timeout_s = config.message_timeout_s
         self._requests = requests
@@ -171,11 +181,12 @@ class _Client:
         self._json = JsonStream()
         self._last_error = ""
 
-    def converse(self) -> None:
+    def run(self) -> None:
         """Have messages answered until the client goes, breaks the rules, or the server stops."""
         log.info("%s connected", self.name)
         try:
             while (message := self._receive()) is not None:
+                self.is_silent = False
                 request = _Request(message)
                 self._requests.put(request)
                 answer = request.wait(self._is_stopping)
@@ -192,6 +203,10 @@ class _Client:
             log.info("%s: the connection has ended", self.name)
         finally:
             self._stream.close()
+
+    def drop(self) -> None:
+        """Have the connection closed soon, if it still waits for a message."""
+        self._is_dropped.set()
 
     def turn_away(self, reason: str) -> None:
         """End the connection before anything was said."""
@@ -240,7 +255,7 @@ class _Client:
         return message
 
     def _check_stopping(self) -> None:
-        if self._is_stopping.is_set():
+        if self._is_stopping.is_set() or self._is_dropped.is_set():
             raise _Stopping
 
     def _log_error(self, error: str) -> None:
@@ -251,7 +266,7 @@ class _Client:
 
 
 class _Stopping(Exception):  # noqa: N818 - an event
-    """The server ends."""
+    """The server ends, or has dropped this client."""
 
 
 def _do_nothing() -> None:
