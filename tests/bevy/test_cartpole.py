@@ -34,7 +34,9 @@ def step(session: EngineSession, choices: NDArray[np.int64]) -> Batch:
 def test_handshake(open_game: Open) -> None:
     session = open_game(num_worlds=3)
     assert session.hello.engine == "bevy 0.19.1"
-    assert session.hello.capabilities == {"call", "ceiling", "rebuild", "requests", "reset_worlds"}
+    assert session.hello.capabilities == {
+        "call", "ceiling", "metrics", "rebuild", "requests", "reset_worlds",
+    }  # fmt: skip
     spec = session.spec
     assert (spec.num_worlds, spec.layout, spec.ticks_per_step) == (3, "grid", 2)
     assert (spec.tick_rate, spec.scene) == (60.0, "cartpole")

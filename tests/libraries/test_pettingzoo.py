@@ -37,6 +37,8 @@ pytestmark = [
 GAMES = ["tag", "key_door", "zombies", pytest.param("bevy:shooter", marks=pytest.mark.bevy)]
 
 
+# Of the shooter, which chooses and moves at the same time.
+@pytest.mark.filterwarnings("ignore:Action space for each agent probably:UserWarning")
 @pytest.mark.parametrize("game", GAMES)
 def test_pettingzoos_own_tests_pass(game: str) -> None:
     env = parallel_env(game)
