@@ -69,6 +69,22 @@ def _read_page(_app: Sphinx, page: str, source: list[str]) -> None:
     if folder != HERE or "](../" in source[0]:
         source[0] = re.sub(r"\[([^\]]*)\]\(([\w./-]+)(#[\w-]+)?\)", lead, source[0])
     source[0] = re.sub(r"^```rust,\w+$", "```rust", source[0], flags=re.MULTILINE)
+    if page == "index":
+        source[0] += _navigation(source[0])
+
+
+def _navigation(front_page: str) -> str:
+    """Return a hidden toctree for each section of the front page, of the pages it links to.
+
+    So the map that GitHub shows is also the site's navigation.
+    """
+    toctrees = ""
+    for heading, section in re.findall(r"^## (.+)\n((?:(?!## ).*\n)*)", front_page, re.MULTILINE):
+        pages = "\n".join(re.findall(r"\]\(([\w/]+)\.md\)", section))
+        toctrees += (
+            f'\n```{{toctree}}\n:caption: "{heading}"\n:hidden:\n:maxdepth: 1\n\n{pages}\n```\n'
+        )
+    return toctrees
 
 
 def _generate(_app: Sphinx) -> None:

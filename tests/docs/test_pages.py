@@ -37,6 +37,15 @@ def test_links_lead_somewhere(page: Path) -> None:
         assert (page.parent / link).exists(), link
 
 
+def test_the_front_page_links_to_every_page() -> None:
+    """The site's navigation is made of these links (docs/conf.py)."""
+    docs = ROOT / "docs"
+    linked = set(re.findall(r"\]\(([^)#:]+\.md)\)", (docs / "index.md").read_text()))
+    stand_ins = {"protocol.md", "policy_files.md", "contributing.md", "changelog.md"}
+    pages = {page.relative_to(docs).as_posix() for page in PAGES if docs in page.parents}
+    assert pages - linked - stand_ins == {"index.md"}
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_commands_exist(page: Path) -> None:
     for command in re.findall(r"^ludus (\w+)", page.read_text(), re.MULTILINE):
