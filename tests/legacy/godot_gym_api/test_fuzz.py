@@ -11,9 +11,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ludus.errors import ActionError, ProtocolError
-from ludus.legacy.godot_gym_api.connecting import LengthFraming
 from ludus.legacy.godot_gym_api.data import Data
 from ludus.legacy.godot_gym_api.messages import decode_answer, encode_request
+from ludus.legacy.length_framing import LengthFraming
 from tests.legacy.godot_gym_api.compiled import WALK
 
 NUMBERS = st.integers() | st.floats()

@@ -8,24 +8,27 @@ from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
-from ludus.errors import ConfigError, EngineStartError, EngineTimeout, ProtocolError
+from ludus.errors import ConfigError, EngineStartError, EngineTimeout
 from ludus.legacy.conversation import Conversation, Patience
 from ludus.legacy.launching import GameLaunch
+from ludus.legacy.length_framing import LengthFraming
 from ludus.link import ByteStream, connect_until, refuse_stranger
 
 __all__ = [
     "ConnectionSettings",
-    "LengthFraming",
     "check_port_is_free",
     "free_port",
     "open_conversation",
 ]
 
-_HEADER_BYTES = 4
 _MAX_PORT = 65535
 _SILENCE_HINT = (
     "a game serves one client at a time, and answers when its step has ended; if a step really "
     "takes longer, raise step_timeout_s"
+)
+_TOO_LONG_HINT = (
+    "is what answers there a game for godot_gym_api? If answers really are as long, raise "
+    "max_answer_bytes"
 )
 
 
@@ -45,52 +48,6 @@ class ConnectionSettings(GameLaunch):
     max_answer_bytes: int = 1 << 26
     start_timeout_s: float = 60.0
     step_timeout_s: float = 60.0
-
-
-class LengthFraming:
-    """A :class:`~ludus.legacy.conversation.Framing`: a length (u32, little-endian), then the bytes.
-
-    Args:
-        max_answer_bytes: Longest answer that is taken.
-    """
-
-    def __init__(self, max_answer_bytes: int) -> None:
-        self._max_answer_bytes = max_answer_bytes
-        self._received = bytearray()
-
-    @property
-    def has_pending(self) -> bool:
-        """Whether part of an answer has come."""
-        return bool(self._received)
-
-    def encode(self, payload: bytes) -> bytes:
-        """Return one request with its length."""
-        return len(payload).to_bytes(_HEADER_BYTES, "little") + payload
-
-    def feed(self, data: bytes) -> bytes:
-        """Take in bytes; the wire itself answers nothing."""
-        self._received += data
-        return b""
-
-    def take(self) -> bytes | None:
-        """Return the next whole answer; raises ``ProtocolError`` if it is too long."""
-        received = self._received
-        if len(received) < _HEADER_BYTES:
-            return None
-        num_bytes = int.from_bytes(received[:_HEADER_BYTES], "little")
-        if num_bytes > self._max_answer_bytes:
-            raise ProtocolError(
-                f"an answer of {num_bytes} bytes is announced, expected at most "
-                f"{self._max_answer_bytes}",
-                hint="is what answers there a game for godot_gym_api? If answers really are as "
-                "long, raise max_answer_bytes",
-            )
-        end = _HEADER_BYTES + num_bytes
-        if len(received) < end:
-            return None
-        answer = bytes(received[_HEADER_BYTES:end])
-        del received[:end]
-        return answer
 
 
 def open_conversation(settings: ConnectionSettings) -> tuple[Conversation[bytes], tuple[str, int]]:
@@ -125,7 +82,7 @@ def open_conversation(settings: ConnectionSettings) -> tuple[Conversation[bytes]
         except BaseException:
             watch.close()
             raise
-    framing = LengthFraming(settings.max_answer_bytes)
+    framing = LengthFraming(settings.max_answer_bytes, _TOO_LONG_HINT)
     patience = Patience(settings.step_timeout_s, _SILENCE_HINT)
     return Conversation(ByteStream(connection), framing, watch, patience), (host, port)
 

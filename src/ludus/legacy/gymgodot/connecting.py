@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import contextlib
-import socket
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ludus.errors import EngineCrashed, EngineStartError, EngineTimeout, ProtocolError
+from ludus.errors import EngineCrashed, EngineTimeout
 from ludus.legacy.conversation import Conversation, Patience
 from ludus.legacy.gymgodot.framing import WebSocketFraming
-from ludus.legacy.launching import GameLaunch, GameWatch
-from ludus.link import ByteStream, LinkClosed, is_strangers, listen_tcp
+from ludus.legacy.launching import GameLaunch
+from ludus.legacy.listening import await_game, listen
+from ludus.link import ByteStream
 
 __all__ = ["DEFAULT_RENDER_PATH", "Address", "open_conversation"]
 
 DEFAULT_RENDER_PATH = "./render_frames/"
 """Where the game saves frames unless told otherwise; as seen from the game's working folder."""
 
-_POLL_S = 0.01
 _HANDSHAKE_S = 5.0
-_MAX_PENDING = 64
-"""With one more, the oldest is dropped: a game shakes hands at once."""
+_TAKEN_HINT = (
+    "close the environment that uses this port, or choose another serverPort (0 takes a free one)"
+)
+_ABSENT_HINT = (
+    "the scene needs an enabled GymGodot node, and exeCmd must pass on the arguments put at its "
+    "end; if loading takes longer, raise start_timeout_s"
+)
 _NO_SCREEN = "Display is not available"
 _SILENCE_HINT = (
     "a game that is paused or hangs never answers; if a step really takes longer, raise "
@@ -68,91 +72,39 @@ def open_conversation(
         EngineStartError: The port is taken, or the game never connected.
         EngineCrashed: The command ended before the game connected.
     """
-    with contextlib.closing(_listen(address.host, address.port)) as listener:
+    with contextlib.closing(listen((address.host, address.port), _TAKEN_HINT)) as listener:
         port = int(listener.getsockname()[1])
         arguments = (f"--serverIP={address.host}", f"--serverPort={port}")
         watch = launch.start((*arguments, f"--renderPath={render_path}"))
         try:
-            stream, framing = _await_game(listener, address, watch)
+            client = await_game(
+                listener,
+                address.start_timeout_s,
+                watch,
+                lambda stream: _PendingClient(stream, address.max_message_bytes),
+                _ABSENT_HINT,
+            )
+        except EngineCrashed as error:
+            watch.close()
+            if _NO_SCREEN in error.message:
+                raise EngineCrashed(error.message, RENDERER_HINT) from error
+            raise
         except BaseException:
             watch.close()
             raise
     patience = Patience(address.step_timeout_s, _SILENCE_HINT)
-    return Conversation(stream, framing, watch, patience), port
-
-
-def _listen(host: str, port: int) -> socket.socket:
-    try:
-        return listen_tcp((host, port))
-    except OSError as error:
-        raise EngineStartError(
-            f"cannot wait for a game at {host}:{port}: {error.strerror or error}",
-            hint="close the environment that uses this port, or choose another serverPort "
-            "(0 takes a free one)",
-        ) from error
-
-
-def _await_game(
-    listener: socket.socket, address: Address, watch: GameWatch
-) -> tuple[ByteStream, WebSocketFraming]:
-    """Wait for a game; other clients are disconnected, and none keeps the game waiting."""
-    deadline = time.monotonic() + address.start_timeout_s
-    refused = ""
-    pending: list[_PendingClient] = []
-    listener.setblocking(False)
-    try:
-        while time.monotonic() < deadline:
-            _check_alive(watch)
-            refused = _accept(listener, address, pending) or refused
-            for client in list(pending):
-                try:
-                    if client.has_shaken_hands(watch.check_alive):
-                        pending.remove(client)
-                        return client.stream, client.framing
-                except (ProtocolError, EngineTimeout, LinkClosed) as error:
-                    refused = f"; what did connect was no game: {error}"
-                    pending.remove(client)
-                    client.stream.close()
-            time.sleep(_POLL_S)
-    finally:
-        for client in pending:
-            client.stream.close()
-    raise EngineStartError(
-        f"no game connected within {address.start_timeout_s:g} s{refused} at "
-        f"{address.host}:{listener.getsockname()[1]}{watch.report()}",
-        hint="the scene needs an enabled GymGodot node, and exeCmd must pass on the "
-        "arguments put at its end; if loading takes longer, raise start_timeout_s",
-    )
-
-
-def _accept(listener: socket.socket, address: Address, pending: list[_PendingClient]) -> str:
-    """Accept a client, if there is one; return why it was rejected, if it was."""
-    try:
-        connection, _ = listener.accept()
-    except (BlockingIOError, ConnectionError):
-        return ""
-    except OSError as error:  # too many files are open
-        return f"; a connection could not be accepted: {error.strerror}"
-    if is_strangers(connection):
-        connection.close()
-        return "; what did connect was another user's program"
-    pending.append(
-        _PendingClient(ByteStream(connection), WebSocketFraming(address.max_message_bytes))
-    )
-    if len(pending) > _MAX_PENDING:
-        pending.pop(0).stream.close()
-    return ""
+    return Conversation(client.stream, client.framing, watch, patience), port
 
 
 class _PendingClient:
     """A client that has yet to shake hands."""
 
-    def __init__(self, stream: ByteStream, framing: WebSocketFraming) -> None:
+    def __init__(self, stream: ByteStream, max_message_bytes: int) -> None:
         self.stream = stream
-        self.framing = framing
+        self.framing = WebSocketFraming(max_message_bytes)
         self._deadline = time.monotonic() + _HANDSHAKE_S
 
-    def has_shaken_hands(self, check: Callable[[], None]) -> bool:
+    def is_game(self, check: Callable[[], None]) -> bool:
         """Answer what has come, without waiting; return whether the handshake is over."""
         if self.stream.is_readable():
             data = self.stream.receive(self._deadline, check)
@@ -160,12 +112,3 @@ class _PendingClient:
         elif time.monotonic() > self._deadline:
             raise EngineTimeout("it did not shake hands in time")
         return not self.framing.is_connecting
-
-
-def _check_alive(watch: GameWatch) -> None:
-    try:
-        watch.check_alive()
-    except EngineCrashed as error:
-        if _NO_SCREEN in error.message:
-            raise EngineCrashed(error.message, RENDERER_HINT) from error
-        raise
