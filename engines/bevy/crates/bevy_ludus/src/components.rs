@@ -42,7 +42,7 @@ pub struct Reward(pub f32);
 #[derive(Component, Clone, Debug, Default, PartialEq, Eq)]
 pub struct ActionMask(pub Vec<u8>);
 
-/// How an episode stands.
+/// State of an episode.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Phase {
     /// Nothing acts: there was no reset yet, or the others of the world play on.

@@ -66,8 +66,8 @@ pub(crate) enum GameError {
     #[cfg(feature = "trainer")]
     #[error("world {world} (entity {entity}): {error}")]
     Metric {
-        /// Among all worlds of all engines.
-        world: u64,
+        /// In this engine (PROTOCOL.md §9).
+        world: usize,
         entity: Entity,
         error: MetricError,
     },

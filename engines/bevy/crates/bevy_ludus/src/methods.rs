@@ -8,6 +8,8 @@ use bevy_ecs::prelude::*;
 use bevy_ecs::system::SystemId;
 use serde_json::Value;
 use std::collections::HashMap;
+#[cfg(feature = "trainer")]
+use thiserror::Error;
 
 /// What a method is given.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,8 +22,29 @@ pub struct Arguments {
     pub values: Vec<Value>,
 }
 
-/// What a method returns: any JSON value, or why it failed.
+/// What a method returns: any JSON value, or why it failed, in the game's own words.
 pub type MethodResult = Result<Value, String>;
+
+/// Why a call of the trainer fails. It ends neither the game nor the training.
+#[cfg(feature = "trainer")]
+#[derive(Debug, Error)]
+pub(crate) enum CallError {
+    #[error("a call names a world, or the bridge")]
+    NoTarget,
+    #[error("there is no world {0}")]
+    NoWorld(usize),
+    #[error("there is no agent {path} in world {world}")]
+    NoAgent { world: usize, path: String },
+    #[error("the game has no method {0}")]
+    NoMethod(String),
+    #[error("the add-on has no method {0}")]
+    NoBridgeMethod(String),
+    #[error("show_status takes one object: {0}")]
+    Status(#[from] serde_json::Error),
+    /// The method ran, and reports an error.
+    #[error("{0}")]
+    Method(String),
+}
 
 /// The methods of an app by name.
 #[derive(Resource, Default)]
@@ -29,24 +52,26 @@ pub(crate) struct Methods {
     pub systems: HashMap<String, SystemId<In<Arguments>, MethodResult>>,
 }
 
-/// Calls a method of a world that lives in this app. `number` is its index here.
+/// Calls a method of a world that lives in this app. `number` is its index here, which is not the one
+/// that the call names where each world has its own app.
 #[cfg(feature = "trainer")]
-pub(crate) fn call(world: &mut World, call: &Call, number: usize) -> MethodResult {
-    let stage = world
-        .get_resource::<Stage>()
-        .ok_or("there are no worlds yet")?;
-    let entity = *stage
-        .worlds
-        .get(number)
-        .ok_or_else(|| format!("there is no world {number}"))?;
+pub(crate) fn call(world: &mut World, call: &Call, number: usize) -> Result<Value, CallError> {
+    let named = call.world().unwrap_or(number);
+    let stage = world.get_resource::<Stage>();
+    let Some((stage, entity)) = stage.and_then(|it| Some((it, *it.worlds.get(number)?))) else {
+        return Err(CallError::NoWorld(named));
+    };
     let agent = match call.agent() {
-        Some(path) => Some(find_agent(stage, number, path)?),
+        Some(path) => Some(find_agent(stage, number, path).ok_or_else(|| {
+            let path = path.to_owned();
+            CallError::NoAgent { world: named, path }
+        })?),
         None => None,
     };
     let system = world
         .get_resource::<Methods>()
         .and_then(|all| all.systems.get(&call.method));
-    let system = *system.ok_or_else(|| format!("the game has no method {}", call.method))?;
+    let system = *system.ok_or_else(|| CallError::NoMethod(call.method.clone()))?;
     let arguments = Arguments {
         world: entity,
         agent,
@@ -54,17 +79,15 @@ pub(crate) fn call(world: &mut World, call: &Call, number: usize) -> MethodResul
     };
     world
         .run_system_with(system, arguments)
-        .map_err(|error| error.to_string())?
+        .map_err(|error| CallError::Method(error.to_string()))?
+        .map_err(CallError::Method)
 }
 
 #[cfg(feature = "trainer")]
-fn find_agent(stage: &Stage, number: usize, path: &str) -> Result<Entity, String> {
-    let find = |slot: &crate::components::Slot| {
+fn find_agent(stage: &Stage, number: usize, path: &str) -> Option<Entity> {
+    stage.slots_of(number).iter().find_map(|slot| {
         let spec = &stage.spec.policies[slot.policy].agents[slot.index];
         let is_it = spec.path.as_deref() == Some(path);
         stage.rosters[slot.policy].agents[slot.index].filter(|_| is_it)
-    };
-    let slots = stage.slots_of(number);
-    let found = slots.iter().find_map(find);
-    found.ok_or_else(|| format!("there is no agent {path} in world {number}"))
+    })
 }

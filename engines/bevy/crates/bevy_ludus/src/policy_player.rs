@@ -35,7 +35,7 @@ impl PolicyPlayer {
                 error,
             })?;
             let mut one = PlayedPolicy::new(&model, entries, index, agents);
-            if sources.is_sampling {
+            if sources.sample_actions {
                 one.random = Some(RandomStream::of_episode(seed, index as u64));
             }
             played.push(one);

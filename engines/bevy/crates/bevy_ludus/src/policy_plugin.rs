@@ -51,7 +51,7 @@ impl LudusPolicyPlugin {
     /// Draws actions as in training; otherwise the most probable ones are taken.
     #[must_use]
     pub fn sampling(mut self) -> Self {
-        self.sources.is_sampling = true;
+        self.sources.sample_actions = true;
         self
     }
 
@@ -93,7 +93,7 @@ enum Source {
 #[derive(Resource, Clone, Debug, Default)]
 pub(crate) struct PolicySources {
     sources: Vec<(String, Source)>,
-    pub is_sampling: bool,
+    pub sample_actions: bool,
     /// Whether a line is printed for every episode that ends.
     pub has_report: bool,
     /// Whether every update of the app is a step, whatever the clock on the wall says.
@@ -113,7 +113,7 @@ impl PolicySources {
         for (name, path) in &arguments.policies {
             self.set(name.clone(), Source::File(path.clone()));
         }
-        self.is_sampling |= arguments.is_sampling;
+        self.sample_actions |= arguments.sample_actions;
         self.has_report |= arguments.has_report;
         self.is_uncapped |= arguments.is_headless && !arguments.is_real_time;
     }

@@ -23,7 +23,7 @@ pub use bevy_ludus_derive::{ActionSpace, ObservationSpace};
 /// ```
 ///
 /// A struct with the one field `observation` is a flat observation: trainers see an array, not a
-/// dictionary. What is no number is refused by the compiler:
+/// dictionary. The compiler refuses other types:
 ///
 /// ```compile_fail
 /// # use bevy_ludus::prelude::*;

@@ -53,7 +53,7 @@ where
         let value = serde_json::to_value(&read(self).environment_state);
         value
             .map(|value| value.to_string())
-            .map_err(|error| Refusal::game(format!("the state of the game is no JSON: {error}")))
+            .map_err(|error| Refusal::game(format!("the state of the game is not JSON: {error}")))
     }
 }
 

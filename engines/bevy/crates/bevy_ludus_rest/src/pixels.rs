@@ -70,7 +70,7 @@ impl Pictures {
         drop(order);
         let pixels = taken.map_err(|error| Refusal::game(error.to_string()))?;
         encode(&pixels, width * num_agents, height)
-            .map_err(|error| Refusal::game(format!("the picture is no PNG: {error}")))
+            .map_err(|error| Refusal::game(format!("the picture is not a PNG: {error}")))
     }
 }
 

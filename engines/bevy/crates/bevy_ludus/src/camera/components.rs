@@ -42,7 +42,7 @@ impl LudusCamera {
     }
 }
 
-/// A camera from which pictures of a world are taken for people: the trainer's call of the method
+/// A camera that takes pictures of a world for films: the trainer's call of the method
 /// `picture` returns what it sees. It draws only then.
 ///
 /// Put it on an entity that is a camera, in the world that it shows. `ludus record` makes films of

@@ -11,7 +11,7 @@ pub enum PictureError {
     /// The renderer reports an error.
     #[error("the renderer has failed: {0}")]
     Renderer(String),
-    /// An image is no target of a camera that drew.
+    /// An image is not the target of a camera that drew.
     #[error("a picture was not drawn")]
     NotDrawn,
     /// An entry is larger than the renderer's largest texture.

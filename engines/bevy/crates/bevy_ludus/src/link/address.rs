@@ -20,9 +20,9 @@ pub enum Address {
     Unix(PathBuf),
 }
 
-/// A text that is no address.
+/// A text that is not an address.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("\"{0}\" is no address; expected tcp:HOST:PORT or unix:PATH")]
+#[error("\"{0}\" is not an address; expected tcp:HOST:PORT or unix:PATH")]
 pub struct AddressError(pub String);
 
 impl Address {

@@ -19,13 +19,13 @@ pub struct CommandLine {
     /// Process that must stay alive.
     pub parent_pid: Option<u32>,
     /// Whether the game is only asked what it is.
-    pub is_asked: bool,
+    pub about: bool,
     /// Folder of a parity test that the game is only asked to answer.
     pub parity: Option<PathBuf>,
     /// Policy files that play while no trainer is there, by name of the policy.
     pub policies: Vec<(String, PathBuf)>,
     /// Whether those policies draw their actions.
-    pub is_sampling: bool,
+    pub sample_actions: bool,
     /// Whether a line is printed for every episode that ends.
     pub has_report: bool,
     /// Whether the game leaves out its window and, without a trainer, plays as fast as it can.
@@ -38,20 +38,20 @@ impl CommandLine {
     /// Reads arguments; those that are not for Ludus are ignored.
     ///
     /// # Errors
-    /// An address is none, or the file with the token cannot be read.
+    /// An address is malformed, or the file with the token cannot be read.
     pub fn read(arguments: impl Iterator<Item = String>) -> Result<Self, LinkError> {
         let mut read = Self::default();
         for argument in arguments {
             let (name, value) = argument.split_once('=').unwrap_or((&argument, ""));
             match name {
-                "--ludus-about" => read.is_asked = true,
+                "--ludus-about" => read.about = true,
                 "--ludus-connect" => read.connect_to = addresses(value)?,
                 "--ludus-listen" => read.listen_at = Some(value.parse()?),
                 "--ludus-token-file" => read.token = token(Path::new(value))?,
                 "--ludus-parent" => read.parent_pid = value.parse().ok(),
                 "--ludus-parity" => read.parity = Some(value.into()),
                 "--ludus-policy" => read.policies.push(policy(value)),
-                "--ludus-sample" => read.is_sampling = true,
+                "--ludus-sample" => read.sample_actions = true,
                 "--ludus-report" => read.has_report = true,
                 "--ludus-headless" => read.is_headless = true,
                 "--ludus-real-time" => read.is_real_time = true,
@@ -143,9 +143,9 @@ mod tests {
         ];
         assert_eq!(alone.policies, expected);
         assert!(!alone.has_no_window() && !alone.is_uncapped());
-        let hurried = read(&["--ludus-headless", "--ludus-sample", "--ludus-report"]).unwrap();
-        assert!(hurried.has_no_window() && hurried.is_uncapped());
-        assert!(hurried.is_sampling && hurried.has_report);
+        let headless = read(&["--ludus-headless", "--ludus-sample", "--ludus-report"]).unwrap();
+        assert!(headless.has_no_window() && headless.is_uncapped());
+        assert!(headless.sample_actions && headless.has_report);
         let trained = ["--ludus-connect=unix:/a", "--ludus-real-time"];
         assert!(read(&trained[..1]).unwrap().has_no_window());
         let watched = read(&trained).unwrap();

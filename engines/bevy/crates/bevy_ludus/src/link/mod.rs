@@ -3,7 +3,7 @@
 mod address;
 mod busy_poller;
 mod command_line;
-mod door;
+mod game_server;
 mod greeting;
 mod stream;
 mod tcp_plugin;
@@ -52,7 +52,7 @@ pub enum LinkError {
     /// No trainer answers.
     #[error("no trainer answers at {0}")]
     NoTrainer(String),
-    /// The command line or the plugin names an address that is none.
+    /// The command line or the plugin names something that is not an address.
     #[error("{0}")]
     Address(#[from] AddressError),
     /// A file with a token cannot be read.
@@ -79,14 +79,14 @@ pub struct Link {
     poller: BusyPoller,
     /// Whether the other side is on this machine.
     pub is_local: bool,
-    /// Where the conversation stands, if the other side has proved itself already.
+    /// State of the conversation, if the other side has proved itself already.
     pub(crate) proven: Option<ConnectionState>,
 }
 
 /// Connects as the command line says, or listens until a trainer has proved itself.
 pub(crate) fn connect(command_line: &CommandLine) -> Result<Link, Failure> {
     if let Some(address) = &command_line.listen_at {
-        return door::listen(address, command_line, START_TIMEOUT);
+        return game_server::listen(address, command_line, START_TIMEOUT);
     }
     for address in &command_line.connect_to {
         if let Ok(stream) = Stream::connect(address, START_TIMEOUT) {

@@ -143,7 +143,7 @@ impl Listener {
         };
         match accepted {
             Ok(stream) => Ok(Some(stream)),
-            // The second one: whoever connected has gone already.
+            // The second one: the client has gone already.
             Err(error) => match error.kind() {
                 ErrorKind::WouldBlock | ErrorKind::ConnectionAborted => Ok(None),
                 _ => Err(error),

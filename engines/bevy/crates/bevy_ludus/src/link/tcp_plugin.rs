@@ -34,17 +34,16 @@ impl LudusTcpPlugin {
     /// Connects to an address if the command line names none.
     ///
     /// # Errors
-    /// The text is no address.
+    /// The text is not an address.
     pub fn connect_to(mut self, address: &str) -> Result<Self, super::AddressError> {
         self.connect_to.push(address.parse()?);
         Ok(self)
     }
 
-    /// Listens at an address if the command line names none. Other machines are let in only with a
-    /// token.
+    /// Listens at an address if the command line names none. Other machines need a token.
     ///
     /// # Errors
-    /// The text is no address.
+    /// The text is not an address.
     pub fn listen_at(mut self, address: &str) -> Result<Self, super::AddressError> {
         self.listen_at = Some(address.parse()?);
         Ok(self)
@@ -83,7 +82,7 @@ impl LudusTcpPlugin {
 impl Plugin for LudusTcpPlugin {
     fn build(&self, app: &mut App) {
         match CommandLine::read(std::env::args().skip(1)) {
-            Ok(read) if read.is_asked => print_signature(app),
+            Ok(read) if read.about => print_signature(app),
             Ok(CommandLine {
                 parity: Some(folder),
                 ..

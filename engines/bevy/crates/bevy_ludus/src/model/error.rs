@@ -20,7 +20,7 @@ pub enum PolicyFileError {
         /// Most bytes of a policy file.
         limit: usize,
     },
-    /// It is no JSON object.
+    /// It is not a JSON object.
     #[error("it is not a JSON object: {0}")]
     NotJson(String),
     /// A field is missing, of the wrong type or over a limit, or does not fit the others.
@@ -33,7 +33,7 @@ pub enum PolicyFileError {
     },
     /// It was trained for other agents than those of the game.
     #[error("{place}: {reason}")]
-    Misfit {
+    Incompatible {
         /// The entry or component.
         place: String,
         /// What the policy has and what the agents have.
@@ -56,7 +56,7 @@ impl PolicyFileError {
             Self::Unreadable { .. } => {
                 "name the file by a path that holds from where the game runs"
             }
-            Self::Misfit { .. } => "train a policy for this game, or change the game back",
+            Self::Incompatible { .. } => "train a policy for this game, or change the game back",
             _ => "export the policy again with `ludus export`",
         }
     }

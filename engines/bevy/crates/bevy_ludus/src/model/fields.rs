@@ -57,7 +57,7 @@ fn decode(encoded: Encoded<'_>) -> Result<Tensor, String> {
     }
     let bytes = STANDARD
         .decode(data.as_bytes())
-        .map_err(|error| format!("data is no base64: {error}"))?;
+        .map_err(|error| format!("data is not base64: {error}"))?;
     let (chunks, rest) = bytes.as_chunks::<4>();
     if chunks.len() != count || !rest.is_empty() {
         let (expected, got) = (4 * count, bytes.len());

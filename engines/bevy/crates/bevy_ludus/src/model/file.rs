@@ -26,7 +26,7 @@ impl PolicyModel {
     /// Reads a policy file.
     ///
     /// # Errors
-    /// It cannot be read, is no policy file of this version, or breaks a rule of POLICY.md.
+    /// It cannot be read, is not a policy file of this version, or breaks a rule of POLICY.md.
     pub fn load(path: &Path) -> Result<Self, PolicyFileError> {
         let fail = |error: std::io::Error| PolicyFileError::Unreadable {
             path: path.to_owned(),

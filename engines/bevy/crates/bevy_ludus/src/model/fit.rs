@@ -19,14 +19,14 @@ impl PolicyModel {
         let (own, theirs) = (self.action.len(), agents.action.len());
         if own != theirs {
             let text = format!("the policy decides {own} components, the agent has {theirs}");
-            return Err(misfit("action", text));
+            return Err(incompatible("action", text));
         }
         for (own, theirs) in self.action.iter().zip(&agents.action) {
             compare(own, theirs)?;
         }
         if self.has_action_mask && !agents.has_action_mask {
             let text = "the policy was trained with one, the agent has none";
-            return Err(misfit("has_action_mask", text));
+            return Err(incompatible("has_action_mask", text));
         }
         Ok(entries)
     }
@@ -37,7 +37,7 @@ fn find(entry: &ObservationEntry, agents: &PolicySpec) -> Result<usize, PolicyFi
     let named = |theirs: &ObservationEntry| theirs.name == entry.name;
     let Some(index) = agents.observation.iter().position(named) else {
         let text = "the policy needs this entry, the agent has none";
-        return Err(misfit(place, text));
+        return Err(incompatible(place, text));
     };
     let theirs = &agents.observation[index];
     if theirs.dtype == entry.dtype && theirs.shape == entry.shape {
@@ -46,11 +46,11 @@ fn find(entry: &ObservationEntry, agents: &PolicySpec) -> Result<usize, PolicyFi
     let kind = |entry: &ObservationEntry| format!("{} {:?}", name_of(entry.dtype), entry.shape);
     let (own, theirs) = (kind(entry), kind(theirs));
     let text = format!("the policy was trained on {own}, the agent has {theirs}");
-    Err(misfit(place, text))
+    Err(incompatible(place, text))
 }
 
 fn compare(own: &ActionComponent, theirs: &ActionComponent) -> Result<(), PolicyFileError> {
-    let refuse = |text: String| Err(misfit(format!("action[{:?}]", own.name), text));
+    let refuse = |text: String| Err(incompatible(format!("action[{:?}]", own.name), text));
     if own.name != theirs.name {
         let name = &theirs.name;
         let text = "the policy decides this component, the agent has";
@@ -111,8 +111,8 @@ fn name_of(dtype: DType) -> &'static str {
     }
 }
 
-fn misfit(place: impl Into<String>, reason: impl Into<String>) -> PolicyFileError {
-    PolicyFileError::Misfit {
+fn incompatible(place: impl Into<String>, reason: impl Into<String>) -> PolicyFileError {
+    PolicyFileError::Incompatible {
         place: place.into(),
         reason: reason.into(),
     }

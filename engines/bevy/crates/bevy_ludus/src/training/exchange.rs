@@ -6,6 +6,7 @@ use super::{Failure, Pending, Trainer};
 use crate::advance::{WorldReset, enter};
 use crate::error::{end_with_error, print_error};
 use crate::link::{CommandLine, LinkError, PendingLink, connect, greet};
+use crate::methods::CallError;
 use crate::play;
 use crate::policy_plugin::PolicySources;
 use crate::requests::{Requests, TrainingStatus};
@@ -235,9 +236,10 @@ fn take_call(world: &mut World, trainer: &mut Trainer) -> Result<Option<Next>, F
     } else if let Some(number) = call.world() {
         trainer.host.call(world, &call, number)
     } else {
-        Err("a call names a world, or the bridge".to_owned())
+        Err(CallError::NoTarget)
     };
-    let frame = encode_json(FrameType::Result, &CallResult::of(&call, outcome))?;
+    let result = CallResult::of(&call, outcome.map_err(|error| error.to_string()));
+    let frame = encode_json(FrameType::Result, &result)?;
     trainer.send(FrameType::Result, &frame)?;
     Ok(None)
 }
@@ -266,16 +268,14 @@ fn go_on(
     Ok(Some(Next::Ticks(ticks)))
 }
 
-fn call_bridge(world: &mut World, call: &Call) -> Result<Value, String> {
+fn call_bridge(world: &mut World, call: &Call) -> Result<Value, CallError> {
     match call.method.as_str() {
         "show_status" => {
             let status = call.arguments.first().cloned().unwrap_or(Value::Null);
-            let status: TrainingStatus = serde_json::from_value(status)
-                .map_err(|error| format!("show_status takes one object: {error}"))?;
-            world.write_message(status);
+            world.write_message(serde_json::from_value::<TrainingStatus>(status)?);
             Ok(Value::Null)
         }
-        method => Err(format!("the add-on has no method {method}")),
+        method => Err(CallError::NoBridgeMethod(method.to_owned())),
     }
 }
 

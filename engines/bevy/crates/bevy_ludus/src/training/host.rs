@@ -5,12 +5,13 @@ use super::ceiling::Ceiling;
 use crate::advance::{WorldReset, reset_worlds};
 use crate::error::GameError;
 use crate::link::Link;
-use crate::methods::{self, MethodResult};
+use crate::methods::{self, CallError};
 use crate::requests::Requests;
 use crate::stage::Stage;
 use crate::wire::{BatchHead, Call, Spec, WireError};
 use crate::world::LudusWorld;
 use bevy_ecs::prelude::*;
+use serde_json::Value;
 use std::time::Duration;
 
 /// Is shown each world.
@@ -59,7 +60,7 @@ pub(crate) trait Host: Send + Sync {
     fn take_requests(&mut self, _requests: &mut Requests) {}
 
     /// Calls a method of the game in one of the worlds.
-    fn call(&mut self, world: &mut World, call: &Call, number: usize) -> MethodResult;
+    fn call(&mut self, world: &mut World, call: &Call, number: usize) -> Result<Value, CallError>;
 }
 
 /// Visits the worlds of one app. The game does not see that as a change.
@@ -138,7 +139,7 @@ impl Host for GridHost {
         visit_worlds(world, visit);
     }
 
-    fn call(&mut self, world: &mut World, call: &Call, number: usize) -> MethodResult {
+    fn call(&mut self, world: &mut World, call: &Call, number: usize) -> Result<Value, CallError> {
         methods::call(world, call, number)
     }
 }

@@ -7,7 +7,7 @@ use super::isolated_frames::{gather, merge_specs, scatter};
 use crate::advance::{WorldReset, reset_worlds};
 use crate::error::GameError;
 use crate::link::Link;
-use crate::methods::{self, MethodResult};
+use crate::methods::{self, CallError};
 use crate::metrics::Metrics;
 use crate::opening::{Opening, open};
 use crate::plugin::{IsolatedBy, build_core};
@@ -22,6 +22,7 @@ use bevy_app::{App, PluginsState, SubApp};
 use bevy_ecs::prelude::*;
 use bevy_tasks::{ComputeTaskPool, tick_global_task_pools_on_main_thread};
 use bevy_time::TimeUpdateStrategy;
+use serde_json::Value;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -209,9 +210,9 @@ impl Host for IsolatedApps {
         }
     }
 
-    fn call(&mut self, _: &mut World, call: &Call, number: usize) -> MethodResult {
+    fn call(&mut self, _: &mut World, call: &Call, number: usize) -> Result<Value, CallError> {
         let app = self.apps.get_mut(number);
-        let app = app.ok_or_else(|| format!("there is no world {number}"))?;
+        let app = app.ok_or(CallError::NoWorld(number))?;
         methods::call(exclusive(app).world_mut(), call, 0)
     }
 }

@@ -219,17 +219,17 @@ impl Trainer {
     /// Takes what all worlds have reported; none if that is nothing.
     pub fn take_metrics(&mut self, world: &mut World) -> Result<Option<Value>, GameError> {
         let mut sums = Summaries::default();
-        let mut taken = Ok(());
+        let (mut taken, mut number) = (Ok(()), 0);
         self.host.for_each_world(world, &mut |entity, own| {
             let added = own.metrics.take_into(&mut sums);
             if let (Ok(()), Err(error)) = (&taken, added) {
-                let world = own.index();
                 taken = Err(GameError::Metric {
-                    world,
+                    world: number,
                     entity,
                     error,
                 });
             }
+            number += 1;
         });
         taken.map(|()| sums.into_request())
     }

@@ -9,7 +9,7 @@ pub struct Call {
     /// Number that the result repeats.
     #[serde(deserialize_with = "super::json::whole")]
     pub id: u64,
-    /// Who is called: a world, an agent, or the add-on itself.
+    /// Target: a world, an agent, or the add-on itself.
     #[serde(default)]
     pub target: Map<String, Value>,
     /// Name of the method.

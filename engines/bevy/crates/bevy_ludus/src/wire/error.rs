@@ -29,7 +29,7 @@ pub enum WireError {
         /// Longest payload of the type.
         limit: usize,
     },
-    /// A payload is no JSON object.
+    /// A payload is not a JSON object.
     #[error("{what} is not a JSON object: {reason}")]
     NotJson {
         /// What was read.
@@ -60,7 +60,7 @@ pub enum WireError {
     OutOfTurn {
         /// Type of the frame.
         frame: FrameType,
-        /// Where the conversation stands.
+        /// State of the conversation.
         state: State,
     },
     /// A `STEP` came before the first `RESET`.

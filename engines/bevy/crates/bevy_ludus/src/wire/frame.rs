@@ -8,7 +8,7 @@ pub const HEADER_BYTES: usize = 8;
 const MAX_BINARY_BYTES: usize = 1 << 28;
 const MAX_JSON_BYTES: usize = 1 << 24;
 const MAX_PING_BYTES: usize = 1 << 20;
-/// Of frames that somebody sends who has proved nothing yet.
+/// Of frames that come before a proof.
 const MAX_GREETING_BYTES: usize = 1 << 16;
 
 /// What a frame carries.

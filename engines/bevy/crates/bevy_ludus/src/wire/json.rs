@@ -24,7 +24,7 @@ pub fn decode_json(payload: &[u8], what: &str) -> Result<Map<String, Value>, Wir
 /// Reads a payload into one of the types of this module.
 ///
 /// # Errors
-/// The payload is no JSON object, a key is missing, or a value is of the wrong type.
+/// The payload is not a JSON object, a key is missing, or a value is of the wrong type.
 pub fn read_object<T: DeserializeOwned>(payload: &[u8], what: &str) -> Result<T, WireError> {
     let object = decode_json(payload, what)?;
     serde_json::from_value(Value::Object(object))

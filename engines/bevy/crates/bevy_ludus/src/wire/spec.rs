@@ -219,7 +219,7 @@ impl Spec {
     /// Reads the payload of a `SPEC`.
     ///
     /// # Errors
-    /// It is no JSON object, a key is missing or of the wrong type, or a rule of PROTOCOL.md is
+    /// It is not a JSON object, a key is missing or of the wrong type, or a rule of PROTOCOL.md is
     /// broken.
     pub fn decode(payload: &[u8]) -> Result<Self, WireError> {
         let spec: Self = read_object(payload, "SPEC")?;

@@ -3,7 +3,7 @@
 use super::{FrameType, WireError};
 use std::fmt;
 
-/// Where a conversation stands.
+/// State of a conversation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum State {
     /// Nothing was said yet.
@@ -51,7 +51,7 @@ impl Default for ConnectionState {
 }
 
 impl ConnectionState {
-    /// Returns where the conversation stands.
+    /// Returns the state of the conversation.
     #[must_use]
     pub fn state(self) -> State {
         self.state

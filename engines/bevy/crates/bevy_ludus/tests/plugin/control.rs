@@ -137,6 +137,8 @@ fn methods_are_called_and_requests_are_fetched() {
         };
         assert!(error(json!({"world": 2}), "tell_wind").contains("no world 2"));
         assert!(error(json!({"world": 0}), "fly").contains("no method fly"));
+        let nobody = error(json!({"world": 1, "agent": "nobody"}), "tell_wind");
+        assert_eq!(nobody, "there is no agent nobody in world 1", "{layout}");
         assert!(error(json!({"world": 0}), "tell_wind").contains("name an agent"));
         assert!(error(json!({"bridge": true}), "fly").contains("no method fly"));
         assert_eq!(session.step(0).flags, 2, "there are requests");
@@ -193,7 +195,7 @@ fn metrics_of_all_worlds_are_fetched_once() {
             let bridge = json!({"bridge": true});
             session.trainer.call(bridge, "take_requests", json!([]))["value"].clone()
         };
-        // One tick a step: 1, 2 and 3, and 1 after all worlds were made anew.
+        // One tick a step: 1, 2 and 3, and 1 after all worlds were rebuilt.
         let ticks = json!({"count": 8, "sum": 14.0, "min": 1.0, "max": 3.0});
         let expected = json!([{"kind": "metrics", "metrics": {"ticks": ticks}}]);
         assert_eq!(take(), expected, "{layout}");
@@ -219,7 +221,7 @@ fn a_report_that_cannot_be_names_the_world() {
             let report = session.trainer.refusal();
             assert_eq!(report.code, ErrorCode::Game);
             let message = report.message;
-            assert!(message.starts_with("world 5 (entity "), "{message}");
+            assert!(message.starts_with("world 1 (entity "), "{message}");
             assert!(message.ends_with(expected), "{message}");
             assert_ne!(session.trainer.end(), AppExit::Success);
         }

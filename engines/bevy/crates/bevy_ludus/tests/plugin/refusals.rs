@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 /// Returns how a game refuses settings.
 fn refusal(fill: impl FnOnce(&mut App) + Send + 'static, config: &Value) -> (ErrorCode, String) {
-    let mut trainer = Trainer::meet(fill);
+    let mut trainer = Trainer::connect(fill);
     trainer.welcome(config);
     let report = trainer.refusal();
     assert_ne!(trainer.end(), AppExit::Success);

@@ -26,8 +26,8 @@ pub struct Trainer {
 }
 
 impl Trainer {
-    /// Starts an app and takes its greeting.
-    pub fn meet(fill: impl FnOnce(&mut App) + Send + 'static) -> Self {
+    /// Starts an app and greets it.
+    pub fn connect(fill: impl FnOnce(&mut App) + Send + 'static) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let address = format!("tcp:{}", listener.local_addr().expect("an address"));
         let app = std::thread::spawn(move || {
@@ -178,7 +178,7 @@ pub struct Session {
 
 impl Session {
     pub fn open(fill: impl FnOnce(&mut App) + Send + 'static, config: &Value) -> Self {
-        let mut trainer = Trainer::meet(fill);
+        let mut trainer = Trainer::connect(fill);
         let spec = trainer.configure(config);
         Self {
             actions: ActionFrame::new(ActionLayout::new(&spec)),

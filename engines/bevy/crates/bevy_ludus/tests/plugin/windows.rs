@@ -14,7 +14,7 @@ use bevy_render::render_resource::{TextureFormat, TextureUsages};
 use bevy_window::Window;
 use std::time::{Duration, Instant};
 
-/// A row of so many pixels is read back without padding.
+/// A row of this many pixels is read back without padding.
 const SIZE: u32 = 64;
 const DEADLINE: Duration = Duration::from_secs(60);
 

@@ -82,18 +82,18 @@ fn pictures_come_without_a_trainer_in_either_order_of_the_plugins() {
 
 #[test]
 fn pictures_come_while_a_trainer_plays() {
-    let (tell, told) = channel();
+    let (sender, receiver) = channel();
     let mut session = Session::open(
         move |app| {
             fill(app, settings(0.0));
             add_ludus(app);
-            app.insert_resource(Tell(tell))
-                .add_systems(PostStartup, tell_address);
+            app.insert_resource(AddressSender(sender))
+                .add_systems(PostStartup, send_address);
         },
         &json!({"num_worlds": 2}),
     );
     session.reset(&[Some(1), Some(2)], Value::Null);
-    let client = play_on_a_thread(told.recv_timeout(DEADLINE).unwrap());
+    let client = play_on_a_thread(receiver.recv_timeout(DEADLINE).unwrap());
     let mut num_steps = 0;
     while !client.is_finished() {
         session.step(1);
@@ -110,10 +110,10 @@ fn pictures_come_while_a_trainer_plays() {
 }
 
 #[derive(Resource)]
-struct Tell(Sender<SocketAddr>);
+struct AddressSender(Sender<SocketAddr>);
 
-fn tell_address(server: Res<RestServer>, tell: Res<Tell>) {
-    let _ = tell.0.send(server.address());
+fn send_address(server: Res<RestServer>, sender: Res<AddressSender>) {
+    let _ = sender.0.send(server.address());
 }
 
 fn play_on_a_thread(address: SocketAddr) -> JoinHandle<()> {

@@ -1,4 +1,4 @@
-//! What clients of bevy_rl hear: the same bytes.
+//! What clients of bevy_rl receive: the same bytes.
 
 use crate::client::header;
 use crate::game::{Game, Habits, settings};

@@ -36,7 +36,7 @@ pub struct Counts {
 pub struct Habits {
     /// Calls neither `send_step_result` nor `reset`.
     pub is_silent: bool,
-    /// Says in startup that it loads, and is ready after so many updates.
+    /// Reports in startup that it is loading, and is ready after this many updates.
     pub num_loading: u64,
     /// Answers steps without ever running.
     pub stays_paused: bool,
@@ -69,7 +69,7 @@ struct Handles {
 
 impl Game {
     pub fn start(settings: AIGymSettings, habits: Habits) -> Self {
-        let (tell, told) = channel();
+        let (sender, receiver) = channel();
         let num_updates = Arc::new(AtomicU64::new(0));
         let num_begun = Arc::new(AtomicU64::new(0));
         let is_ending = Arc::new(AtomicBool::new(false));
@@ -83,10 +83,10 @@ impl Game {
             app.insert_resource(handles)
                 .add_systems(Last, look_at_handles);
             run(app, |app| {
-                let _ = tell.send(app.world().resource::<RestServer>().address());
+                let _ = sender.send(app.world().resource::<RestServer>().address());
             })
         });
-        let address = told.recv_timeout(DEADLINE).unwrap();
+        let address = receiver.recv_timeout(DEADLINE).unwrap();
         Self {
             address,
             num_updates,
@@ -100,7 +100,7 @@ impl Game {
         Client::connect(self.address)
     }
 
-    /// Waits until so many steps have begun.
+    /// Waits until this many steps have begun.
     pub fn await_begun(&self, count: u64) {
         let deadline = Instant::now() + DEADLINE;
         while self.num_begun.load(Ordering::Relaxed) < count {
@@ -162,19 +162,19 @@ pub struct Running {
 
 impl Running {
     pub fn start(fill: impl FnOnce(&mut App) + Send + 'static) -> Self {
-        let (tell, told) = channel();
+        let (sender, receiver) = channel();
         let is_ending = Arc::new(AtomicBool::new(false));
         let ending = Arc::clone(&is_ending);
         let thread = std::thread::spawn(move || {
             let mut app = App::new();
             fill(&mut app);
-            let tell = |app: &App| {
-                let _ = tell.send(app.world().resource::<RestServer>().address());
+            let send_address = |app: &App| {
+                let _ = sender.send(app.world().resource::<RestServer>().address());
             };
-            run_until(app, tell, || ending.load(Ordering::Relaxed))
+            run_until(app, send_address, || ending.load(Ordering::Relaxed))
         });
         Self {
-            address: told.recv_timeout(DEADLINE).unwrap(),
+            address: receiver.recv_timeout(DEADLINE).unwrap(),
             is_ending,
             thread: Some(thread),
         }

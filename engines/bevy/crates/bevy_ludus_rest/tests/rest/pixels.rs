@@ -37,16 +37,16 @@ pub struct Painted {
 impl Painted {
     /// Starts an app that a function fills.
     pub fn start_with(fill: impl FnOnce(&mut App) + Send + 'static) -> Self {
-        let (tell, told) = channel();
+        let (sender, receiver) = channel();
         let thread = std::thread::spawn(move || {
             let mut app = App::new();
             fill(&mut app);
             run(app, |app| {
-                let _ = tell.send(app.world().resource::<RestServer>().address());
+                let _ = sender.send(app.world().resource::<RestServer>().address());
             })
         });
         Self {
-            address: told.recv_timeout(DEADLINE).unwrap(),
+            address: receiver.recv_timeout(DEADLINE).unwrap(),
             thread,
         }
     }

@@ -49,7 +49,7 @@ fn requests_of_web_pages_never_reach_the_game() {
 }
 
 #[test]
-fn programs_and_people_at_the_address_line_are_let_in() {
+fn programs_and_people_at_the_address_line_are_accepted() {
     let game = Game::start(settings(), Habits::default());
     let port = game.address.port();
     for headers in [

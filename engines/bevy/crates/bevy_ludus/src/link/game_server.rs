@@ -1,11 +1,12 @@
-//! Waiting for a trainer: all clients are greeted at the same time, and one is accepted.
+//! Waiting for a trainer: all clients are greeted at the same time, and the first that proves itself
+//! is accepted.
 
 use super::greeting::{Greeting, MIN_TOKEN_LENGTH};
 use super::stream::{Listener, Stream};
 use super::{Address, CommandLine, Link, LinkError};
 use crate::error::print_error;
 use crate::training::Failure;
-use crate::wire::{ConnectionState, ErrorCode, ErrorReport, FrameReader, FrameType, encode_json};
+use crate::wire::{ConnectionState, ErrorCode, FrameReader, FrameType, encode_json};
 use std::collections::VecDeque;
 use std::io::ErrorKind;
 use std::thread::sleep;
@@ -14,14 +15,14 @@ use std::time::{Duration, Instant};
 /// How long a client may take to prove itself.
 const GREETING_TIMEOUT: Duration = Duration::from_secs(10);
 /// With one more, the oldest is dropped: a trainer proves itself at once.
-const MAX_GUESTS: usize = 64;
+const MAX_PENDING: usize = 64;
 const MAX_GREETING_BYTES: usize = 1 << 16;
-/// How much of a stranger's text is printed, characters.
+/// How much of an unproven client's text is printed, characters.
 const MAX_SHOWN: usize = 200;
 const POLL: Duration = Duration::from_millis(5);
 
 /// A client that has yet to prove itself.
-struct Guest {
+struct PendingConnection {
     stream: Stream,
     greeting: Greeting,
     reader: FrameReader,
@@ -42,24 +43,24 @@ pub(super) fn listen(
     }
     let listener = Listener::bind(address).map_err(LinkError::Io)?;
     let deadline = Instant::now() + timeout;
-    let mut guests = VecDeque::new();
+    let mut pending = VecDeque::new();
     loop {
         while let Some(stream) = listener.accept().map_err(LinkError::Io)? {
             let token = command_line.token_for(is_local).map_err(Failure::from);
-            match token.and_then(|token| Guest::greet(stream, token)) {
-                Ok(guest) => guests.extend(guest),
+            match token.and_then(|token| PendingConnection::greet(stream, token)) {
+                Ok(connection) => pending.extend(connection),
                 // A trainer of this user writes the token before it connects.
                 Err(failure) => print_error(&format!("dropped a client: {failure}"), ""),
             }
-            if guests.len() > MAX_GUESTS {
-                guests.pop_front();
+            if pending.len() > MAX_PENDING {
+                pending.pop_front();
             }
         }
-        for index in (0..guests.len()).rev() {
-            match guests[index].advance() {
+        for index in (0..pending.len()).rev() {
+            match pending[index].advance() {
                 Ok(None) => {}
                 Ok(Some(state)) => {
-                    let stream = guests.remove(index).map(|guest| guest.stream);
+                    let stream = pending.remove(index).map(|connection| connection.stream);
                     return stream.map_or(Err(LinkError::Closed.into()), |stream| {
                         stream.set_nonblocking(false).map_err(LinkError::Io)?;
                         Ok(Link::proven(stream, is_local, state))
@@ -67,8 +68,8 @@ pub(super) fn listen(
                 }
                 Err(failure @ Failure::Trainer(_)) => return Err(failure),
                 Err(failure) => {
-                    if let Some(mut guest) = guests.remove(index) {
-                        guest.dismiss(&failure);
+                    if let Some(mut connection) = pending.remove(index) {
+                        connection.reject(&failure);
                     }
                 }
             }
@@ -80,7 +81,7 @@ pub(super) fn listen(
     }
 }
 
-impl Guest {
+impl PendingConnection {
     /// Sends the greeting; none if the client has gone.
     fn greet(mut stream: Stream, token: String) -> Result<Option<Self>, Failure> {
         let mut greeting = Greeting::new(token)?;
@@ -133,13 +134,12 @@ impl Guest {
         Ok(Some(self.greeting.state))
     }
 
-    /// Tells the client why it is dropped, as far as it listens.
-    fn dismiss(&mut self, failure: &Failure) {
+    /// Sends the client the reason and drops it; a client that has gone misses the reason.
+    fn reject(&mut self, failure: &Failure) {
         let Some(report) = failure.report() else {
             return;
         };
         print_error(&format!("dropped a client: {failure}"), "");
-        let report: ErrorReport = report;
         if let Ok(frame) = encode_json(FrameType::Error, &report) {
             // An error means that the client has gone.
             let _ = self.stream.write_all(&frame, GREETING_TIMEOUT);
