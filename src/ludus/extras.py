@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.metadata
 import json
 import re
@@ -9,7 +10,7 @@ import shlex
 
 from ludus.errors import MissingExtra
 
-__all__ = ["EXTRAS", "install_hint", "missing_extra"]
+__all__ = ["EXTRAS", "install_hint", "missing_extra", "require_package"]
 
 DISTRIBUTION = "ludus-rl"
 
@@ -48,6 +49,20 @@ def missing_extra(package: str, extra: str = "") -> MissingExtra:
     """
     hint = install_hint(extra or EXTRAS[package])
     return MissingExtra(f"{package} is not installed", hint)
+
+
+def require_package(package: str) -> None:
+    """Import a package, whose extra is named if it is missing.
+
+    Raises:
+        MissingExtra: It is not installed.
+    """
+    try:
+        importlib.import_module(package)
+    except ModuleNotFoundError as error:
+        if error.name != package:
+            raise  # it is there, and lacks something itself
+        raise missing_extra(package) from error
 
 
 def _requirements(distribution: importlib.metadata.Distribution, extra: str) -> set[str]:

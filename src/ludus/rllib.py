@@ -30,7 +30,6 @@ from numpy.typing import NDArray
 from ludus.errors import UsageError
 from ludus.extras import missing_extra
 from ludus.libraries.making import open_game
-from ludus.pettingzoo import LudusParallelEnv, parallel_env
 from ludus.pool import EnginePool
 from ludus.spec import PolicySpec
 from ludus.spec.batch import ActionBatch, Batches
@@ -38,6 +37,8 @@ from ludus.spec.spaces import action_space, observation_of, observation_space, t
 
 if TYPE_CHECKING:  # Ray declares other types than it takes
     import torch
+
+    from ludus.pettingzoo import LudusParallelEnv, parallel_env
 
     class MultiAgentEnv(Any): ...
 
@@ -75,6 +76,8 @@ else:
             SAMPLE_TIMER,
             WEIGHTS_SEQ_NO,
         )
+
+        from ludus.pettingzoo import LudusParallelEnv, parallel_env
     except ImportError as error:
         raise missing_extra("ray[rllib]", "rllib") from error
 

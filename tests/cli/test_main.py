@@ -139,6 +139,29 @@ def test_a_missing_extra_is_named(command: Any, capsys: pytest.CaptureFixture[st
     assert error == f"error: torch is not installed\nhint: {install_hint('train')}\n"
 
 
+@pytest.mark.parametrize(
+    ("code", "package", "extra"),
+    [
+        ("ludus.load_policy", "torch", "train"),
+        ("from ludus import train", "torch", "train"),
+        ("from ludus.algorithms import Learner", "torch", "train"),
+        ("from ludus.networks.tensors import as_tensor", "torch", "train"),
+        ("import ludus.api.runners as own; own.OnnxRunner('x')", "onnxruntime", "export"),
+        ("import ludus.sb3", "stable-baselines3", "sb3"),
+        ("import ludus.pettingzoo", "pettingzoo", "pettingzoo"),
+        ("import ludus.rllib", "ray[rllib]", "rllib"),
+    ],
+)
+def test_python_names_the_extra_that_is_missing(code: str, package: str, extra: str) -> None:
+    module = {"stable-baselines3": "stable_baselines3", "ray[rllib]": "ray"}.get(package, package)
+    lines = f"import sys; sys.modules[{module!r}] = None\nimport ludus\n{code}"
+    done = subprocess.run(
+        [sys.executable, "-c", lines], capture_output=True, text=True, check=False
+    )
+    expected = f"MissingExtra: {package} is not installed\nhint: {install_hint(extra)}\n"
+    assert done.stderr.endswith(expected), done.stderr
+
+
 def test_ctrl_c(command: Any, capsys: pytest.CaptureFixture[str]) -> None:
     command(raising(KeyboardInterrupt()))
     assert main(["bench"]) == 130

@@ -34,6 +34,8 @@ func apply_action(_action: int) -> void:
 				own.report_metric("metric %d" % i, i)
 		"nameless":
 			own.report_metric("", 1.0)
+		"unprintable":
+			own.report_metric("a\\u202e", 1.0)
 func get_observation() -> Array:
 	return [steps]
 func get_reward() -> float:
@@ -93,6 +95,7 @@ def test_metrics_of_all_worlds_and_engines_are_fetched_once(project: Path) -> No
         ("nan", r"metric bad is nan, expected a finite number"),
         ("many", r"metric metric 63 is one more than the 64 that there may be"),
         ("nameless", r"a metric's name has 0 characters, expected 1 to 128"),
+        ("unprintable", r'a metric\'s name is "a.*", expected only printable characters'),
     ],
 )
 def test_a_report_that_cannot_be_names_the_node(project: Path, fault: str, message: str) -> None:

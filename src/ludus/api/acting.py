@@ -10,7 +10,9 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from ludus.arguments import check_arguments
 from ludus.errors import ConfigError, UsageError
+from ludus.libraries.seeds import check_seed
 from ludus.model import ModelRunner, read_model
 from ludus.networks.own_network import MakeNetwork
 from ludus.spec import PolicySpec
@@ -135,6 +137,7 @@ class LoadedPolicy:
         return entries, is_single
 
 
+@check_arguments
 def load_policy(
     path: str | Path,
     policy: str | None = None,
@@ -157,11 +160,13 @@ def load_policy(
         seed: Of actions that are drawn.
 
     Raises:
+        ArgumentError: An argument has the wrong type.
         ConfigError: The run has several policies and none was named, or no such policy.
         CheckpointError: There is no such run or checkpoint.
         PolicyFileError: The file cannot be read, or is no policy.
     """
     path = Path(path)
+    check_seed(seed)
     if find_run(path) is None and not path.is_dir():
         spec, runner = _read_onnx(path) if path.suffix == ONNX else _read_json(path)
         if policy not in {None, spec.name}:

@@ -10,7 +10,9 @@ from typing import Any
 
 import torch
 
+from ludus.arguments import check_arguments
 from ludus.errors import ConfigError
+from ludus.libraries.seeds import check_seed
 from ludus.networks.own_network import MakeNetwork
 from ludus.play.evaluation import Evaluation
 from ludus.play.evaluation import evaluate as evaluate_in
@@ -21,7 +23,7 @@ from ludus.settings.merging import PYTHON
 from ludus.settings.plain import merge_settings, plain_settings
 from ludus.settings.train_config import TrainConfig
 from ludus.target import find_run, parse_target
-from ludus.training.loop import open_training_pool
+from ludus.training.loop import open_training_pool, require_pool
 
 __all__ = ["RANDOM", "evaluate"]
 
@@ -31,6 +33,7 @@ RANDOM = "random"
 Paths = str | Path | Sequence[str | Path]
 
 
+@check_arguments
 def evaluate(
     target: str | Path,
     policy: Paths | None = None,
@@ -62,6 +65,7 @@ def evaluate(
             as in training. One engine is opened unless ``num_engines`` is given.
 
     Raises:
+        ArgumentError: An argument has the wrong type.
         ConfigError: A setting is unknown or does not fit, or there is nothing that could play.
         TargetError: There is no such game.
         CheckpointError: There is no such run, or it was trained for something else.
@@ -71,6 +75,8 @@ def evaluate(
     """
     if episodes < 1:
         raise ConfigError(f"episodes must be at least 1, not {episodes}")
+    check_seed(seed)
+    require_pool(pool)
     is_run = find_run(Path(target)) is not None
     if policy is None and not is_run:
         parse_target(target)  # what does not exist is told first

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from ludus.errors import PolicyFileError, UsageError
 from ludus.export.trained import spec_from_json
+from ludus.extras import require_package
 from ludus.networks.policy import Policy
 from ludus.networks.tensors import as_tensor, as_tensors
 from ludus.spec.batch import ActionBatch
@@ -68,6 +69,7 @@ class OnnxRunner:
     """
 
     def __init__(self, path: Path) -> None:
+        require_package("onnxruntime")
         import onnxruntime
 
         runtime = cast(Any, onnxruntime)

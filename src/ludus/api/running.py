@@ -9,6 +9,7 @@ from typing import Any
 
 from ludus.algorithms.learners import MakeLearner, OwnParts
 from ludus.api.evaluating import evaluate
+from ludus.arguments import check_arguments
 from ludus.export.config import ExportConfig
 from ludus.export.exporting import export_policies
 from ludus.networks.own_network import MakeNetwork
@@ -66,6 +67,7 @@ class Run(RunResult):
             **settings,
         )
 
+    @check_arguments
     def export(
         self,
         to: str | Path | None = None,
@@ -103,6 +105,7 @@ class Run(RunResult):
         return {one.policy: one.path for one in exported}
 
 
+@check_arguments
 def train(
     target: str | Path | TrainConfig = "",
     *,
@@ -145,6 +148,7 @@ def train(
             nested ones as dictionaries or structs: ``ppo={"learning_rate": 3e-4}``.
 
     Raises:
+        ArgumentError: An argument has the wrong type.
         UsageError: A callback, network or learner names something that the game does not have.
         ConfigError: A setting is unknown or does not fit.
         CheckpointError: The run to resume has no checkpoint that fits.

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ludus.arguments import check_arguments
 from ludus.runs.run_folder import stack_layers
 from ludus.settings.merging import PYTHON, Layer
 from ludus.settings.plain import plain_settings
@@ -14,6 +15,7 @@ from ludus.tuning.sweeping import Objective, OnTrial, Sweep, SweepConfig, run_sw
 __all__ = ["sweep"]
 
 
+@check_arguments
 def sweep(
     target: str | Path = "",
     space: Mapping[str, str] | None = None,
@@ -47,6 +49,7 @@ def sweep(
         settings: Of all trials; fields of :class:`ludus.TrainConfig`.
 
     Raises:
+        ArgumentError: An argument has the wrong type.
         SetupError: Optuna is missing.
         ConfigError: A setting is unknown or does not fit, or nothing is varied.
         RunError: Another process runs this sweep, or a file cannot be written.

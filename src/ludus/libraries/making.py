@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 from gymnasium.vector import AutoresetMode
 
+from ludus.arguments import check_arguments
 from ludus.engine.bevy_build import with_view
 from ludus.engine.screen import with_display
 from ludus.errors import ArgumentError, EngineError, LudusError, SetupError, UsageError
@@ -27,6 +28,7 @@ __all__ = ["make", "make_registered_vec", "make_vec", "open_game", "refuse_sever
 _Env = TypeVar("_Env", LudusEnv, LudusVectorEnv)
 
 
+@check_arguments
 def make(
     target: str | Path,
     *,
@@ -50,7 +52,7 @@ def make(
             what its wire does not tell, such as ``action_space=…``.
 
     Raises:
-        ArgumentError: Unknown settings.
+        ArgumentError: An argument is unknown, or has the wrong type.
         UsageError: The policy has several agents in a world, or settings ask for several worlds.
         TargetError: The target cannot be run.
         EngineNotFound: There is no engine to run it with.
@@ -66,6 +68,7 @@ def make(
     return _made(recipe, pool, LudusEnv, policy, render_mode, others=others, obstacle=obstacle)
 
 
+@check_arguments
 def make_vec(
     target: str | Path,
     *,
@@ -91,7 +94,7 @@ def make_vec(
         settings: As for :func:`make`.
 
     Raises:
-        ArgumentError: Unknown settings.
+        ArgumentError: An argument is unknown, or has the wrong type.
         UsageError: Several policies and none chosen, or agents of a world end one by one, which
             ``autoreset_mode`` does not allow.
         TargetError: The target cannot be run.

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from ludus.arguments import check_arguments
 from ludus.engine import (
     CorePlan,
     ReservedCores,
@@ -48,6 +49,7 @@ _NOT_OF_BRIDGES = (*_NOT_OF_ENVIRONMENTS, "num_worlds", "launch")
 """Settings that mean nothing to a game of a legacy bridge."""
 
 
+@check_arguments
 def open_pool(
     target: str | Path | Target,
     config: PoolConfig | None = None,
@@ -64,6 +66,7 @@ def open_pool(
             window.
 
     Raises:
+        ArgumentError: An argument has the wrong type.
         ConfigError: A setting is out of range, or means nothing to this target.
         TargetError: The target cannot be run.
         EngineNotFound: There is no engine to run it with.

@@ -35,7 +35,7 @@ from ludus.training.interrupt import Interrupts
 from ludus.training.progress import Reporter, RunResult, SilentReporter
 from ludus.training.trainer import Trainer
 
-__all__ = ["log_file", "open_training_pool", "train", "write_result"]
+__all__ = ["log_file", "open_training_pool", "require_pool", "train", "write_result"]
 
 log = logging.getLogger(__name__)
 
@@ -73,7 +73,7 @@ def train(
         RunError: A file cannot be written.
         EngineError: An engine failed for good; a checkpoint was written.
     """
-    _require_pool(pool)
+    require_pool(pool)
     parts = RunParts(reporter or SilentReporter(), hooks or Hooks(), own or OwnParts())
     layers = [python_layer(config)] if isinstance(config, TrainConfig) else config
     before = merge(layers)
@@ -184,7 +184,12 @@ def write_result(
     folder.write_json(folder.result.name, values)
 
 
-def _require_pool(pool: object) -> None:
+def require_pool(pool: object) -> None:
+    """Refuse what is no pool; None is allowed.
+
+    Raises:
+        UsageError: It is something else.
+    """
     if pool is not None and not hasattr(pool, "receive"):
         raise UsageError(
             f"pool must be what ludus.open_pool returns, not {type(pool).__name__}",

@@ -18,8 +18,10 @@ pub(crate) enum MetricError {
     NotFinite { name: String, value: f64 },
     #[error("a metric's name has {0} characters, expected 1 to 128")]
     NameLength(usize),
-    #[error("a metric's name is {0:?}, which has a control character")]
-    ControlCharacter(String),
+    #[error("a metric's name is {0:?}, expected only printable characters, no space at either end")]
+    Unprintable(String),
+    #[error("metric {0} adds up to {1}, expected a finite number")]
+    Overflow(String, f64),
     #[error("metric {0} is one more than the 64 that there may be")]
     TooMany(String),
 }
@@ -44,6 +46,9 @@ impl Summaries {
             own.sum += new.sum;
             own.min = own.min.min(new.min);
             own.max = own.max.max(new.max);
+            if !own.sum.is_finite() {
+                return Err(MetricError::Overflow(name.to_owned(), own.sum));
+            }
             return Ok(());
         }
         check_name(name)?;
@@ -75,10 +80,17 @@ fn check_name(name: &str) -> Result<(), MetricError> {
     if !(1..=MAX_NAME_CHARS).contains(&length) {
         return Err(MetricError::NameLength(length));
     }
-    if name.chars().any(char::is_control) {
-        return Err(MetricError::ControlCharacter(name.to_owned()));
+    if name.trim() != name || !name.chars().all(is_printable) {
+        return Err(MetricError::Unprintable(name.to_owned()));
     }
     Ok(())
+}
+
+/// Asks the table of Unicode categories that `Debug` has: of PROTOCOL.md §1, all but `U+0020` are
+/// escaped there. Behind a letter, an accent is not.
+fn is_printable(character: char) -> bool {
+    let text = String::from_iter(['a', character]);
+    matches!(character, '"' | '\'' | '\\') || text.escape_debug().eq(text.chars())
 }
 
 /// What one world has reported since the trainer fetched it last.
@@ -175,6 +187,46 @@ mod tests {
     }
 
     #[test]
+    fn names_have_printable_characters_only() {
+        let long = "é".repeat(MAX_NAME_CHARS);
+        for name in [
+            "Höhe ✓",
+            "e\u{301}",
+            "\u{301}",
+            "\"it's\\",
+            "日本",
+            long.as_str(),
+        ] {
+            assert_eq!(check_name(name), Ok(()), "{name}");
+        }
+        // Of the categories Cc, Cf, Co, Cn, Zs, Zl and Zp.
+        let bad = "\0\t\n\u{7f}\u{85}\u{ad}\u{200b}\u{202e}\u{feff}\u{e000}\u{fffe}\u{378}\u{a0}\u{3000}\u{2028}\u{2029}";
+        for character in bad.chars() {
+            let name = format!("a{character}b");
+            assert_eq!(check_name(&name), Err(MetricError::Unprintable(name)));
+        }
+        for name in [" a", "a ", " "] {
+            assert_eq!(
+                check_name(name),
+                Err(MetricError::Unprintable(name.to_owned()))
+            );
+        }
+    }
+
+    #[test]
+    fn a_sum_beyond_all_numbers_is_an_error() {
+        let (mut metrics, is_refused) = opened();
+        metrics.report("big", f64::MAX);
+        metrics.report("big", f64::MAX);
+        assert!(is_refused.load(Ordering::Relaxed));
+        let error = metrics.take_into(&mut Summaries::default()).unwrap_err();
+        assert_eq!(
+            error,
+            MetricError::Overflow("big".to_owned(), f64::INFINITY)
+        );
+    }
+
+    #[test]
     fn nothing_is_kept_without_a_trainer() {
         let mut metrics = Metrics::default();
         metrics.report("jumps", f64::NAN);
@@ -189,7 +241,13 @@ mod tests {
             ("bad", f64::NAN, "metric bad is NaN, expected a finite"),
             ("bad", f64::INFINITY, "metric bad is inf, expected a finite"),
             ("", 1.0, "a metric's name has 0 characters, expected 1"),
-            ("a\n", 1.0, "a metric's name is \"a\\n\", which has a con"),
+            ("a\n", 1.0, "a metric's name is \"a\\n\", expected only pri"),
+            ("a ", 1.0, "a metric's name is \"a \", expected only print"),
+            (
+                "\u{202e}a",
+                1.0,
+                "a metric's name is \"\\u{202e}a\", expect",
+            ),
             ("name 64", 1.0, "metric name 64 is one more than the 64"),
         ] {
             let (mut metrics, is_refused) = opened();

@@ -73,8 +73,9 @@ impl LudusWorld {
     /// the last update go to all places where metrics go, such as `metrics.jsonl` and TensorBoard. Does
     /// nothing where nobody trains the game.
     ///
-    /// There may be 64 metrics, with names of 1 to 128 characters, none of them a control character. NaN,
-    /// infinity, another name or a 65th metric ends the training with an error that names the world.
+    /// There may be 64 metrics, with names of 1 to 128 printable characters, without a space at either
+    /// end. NaN, infinity, another name or a 65th metric ends the training with an error that names the
+    /// world.
     ///
     /// ```
     /// # use bevy_ecs::prelude::*;

@@ -7,6 +7,9 @@ const CAPABILITY := "metrics"
 const KIND := "metrics"
 const MAX_NAMES := 64
 const MAX_NAME_LENGTH := 128
+## Characters that names do not have (PROTOCOL.md §1): Unicode's control, format, surrogate,
+## private-use and unassigned ones, separators but the space, and a space at either end.
+const UNPRINTABLE := r"[\p{C}\p{Zl}\p{Zp}]|(?! )\p{Zs}|^ | $"
 
 ## Whether a trainer fetches them.
 var is_open: bool = false
@@ -30,8 +33,20 @@ func add(metric: String, value: float, reporter: Node) -> void:
 		summary[2] = minf(summary[2], value)
 		summary[3] = maxf(summary[3], value)
 		_summaries[metric] = summary
+		if not is_finite(summary[1]):
+			_refuse(
+				"metric %s adds up to %s, expected a finite number" % [metric, summary[1]], reporter
+			)
 	elif metric.is_empty() or metric.length() > MAX_NAME_LENGTH:
 		_refuse("a metric's name has %d characters, expected 1 to 128" % metric.length(), reporter)
+	elif RegEx.create_from_string(UNPRINTABLE).search(metric) != null:
+		_refuse(
+			(
+				'a metric\'s name is "%s", expected only printable characters, no space at either end'
+				% metric.c_escape()
+			),
+			reporter
+		)
 	elif _summaries.size() == MAX_NAMES:
 		_refuse(
 			"metric %s is one more than the %d that there may be" % [metric, MAX_NAMES], reporter

@@ -114,8 +114,9 @@ static func find_in(scene_root: Node) -> LudusWorld:
 
 ## Adds a value to a metric of the training run: its mean, lowest and highest value and count since
 ## the last update go to all places where metrics go, such as [code]metrics.jsonl[/code] and
-## TensorBoard. Does nothing where nobody trains the game. At most 64 names; NaN and infinity are
-## errors.
+## TensorBoard. Does nothing where nobody trains the game. There may be 64 metrics, with names of 1
+## to 128 printable characters, without a space at either end. NaN, infinity, another name or a 65th
+## metric ends the training with an error that names the node.
 func report_metric(metric: String, value: float) -> void:
 	LudusBridge.report_metric(metric, value, root)
 
