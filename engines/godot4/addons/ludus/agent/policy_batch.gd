@@ -30,9 +30,16 @@ var _slot_worlds: PackedInt32Array = []
 var _discrete: PackedInt64Array = []
 ## What each slot that acts is handed in every tick of the step, unless that is one choice.
 var _actions: Array[Variant] = []
+## What each slot that acts observes, until it is in a frame.
+var _observations: Array[Variant] = []
 ## What an inactive slot may do: everything.
 var _free_mask: PackedByteArray = []
 var _continuous: PackedFloat32Array = []
+## Steps of this batch, of which each slot that acts knows the one in which its episode began. So
+## no line of GDScript runs per agent to count, or to find those whose steps are used up.
+var _num_steps: int = 0
+var _begun_at: PackedInt64Array = []
+## Length of the episode of each slot that no longer acts.
 var _steps: PackedInt32Array = []
 var _rewards: PackedFloat32Array = []
 var _terminated: PackedByteArray = []
@@ -82,6 +89,8 @@ func replace_agents(members: Array[LudusAgent]) -> bool:
 	var num := members.size()
 	agents.resize(num)
 	_targets.resize(num)
+	_observations.resize(num)
+	_begun_at.resize(num)
 	_steps.resize(num)
 	active.resize(num)
 	for slot: int in num:
@@ -104,12 +113,12 @@ func set_agent(slot: int, agent: LudusAgent) -> void:
 ## Makes the agent of a slot act from the next observation on.
 func activate(slot: int) -> void:
 	active[slot] = 1
-	_steps[slot] = 0
+	_begun_at[slot] = _num_steps
 
 
 ## Steps since the episode of a slot began.
 func episode_steps(slot: int) -> int:
-	return _steps[slot]
+	return _num_steps - _begun_at[slot] if active[slot] == 1 else _steps[slot]
 
 
 ## Replaces agents that have left the scene by stand-ins, which end in this step.
@@ -131,6 +140,8 @@ func add_slot() -> int:
 	var slot := agents.size()
 	agents.append(null)
 	_targets.append(_lost)
+	_observations.append(null)
+	_begun_at.append(0)
 	_steps.append(0)
 	active.append(0)
 	_slot_worlds.append(0)
@@ -166,8 +177,9 @@ func find_wrong_choice() -> String:
 
 ## Hands the actions that were read to the game.
 func hand_out_actions() -> void:
-	if layout.num_discrete != 1 or layout.continuous_size > 0:
-		_unpack_actions()
+	if not layout.is_one_choice():
+		_actions.resize(active.size())
+		layout.unpack_actions(active, _discrete, _continuous, _actions)
 	_apply()
 
 
@@ -188,21 +200,14 @@ func repeat_actions() -> void:
 ## whose episode has ended are left inactive; [LudusGame] begins the next one.
 func collect_outcomes() -> void:
 	clear_outcomes()
-	var limit := layout.max_steps if layout.max_steps > 0 else 1 << 62
-	var has_truncation := layout.has_truncation
-	for slot: int in _targets.size():
-		if active[slot] == 0:
-			continue
-		var target := _targets[slot]
-		var steps := _steps[slot] + 1
-		_steps[slot] = steps
-		_rewards[slot] = target.get_reward()
-		if target.is_done():
-			_terminated[slot] = 1
-			_end(slot)
-		elif steps >= limit or (has_truncation and target.is_truncated()):
-			_truncated[slot] = 1
-			_end(slot)
+	_num_steps += 1
+	_ask_outcomes()
+	if layout.max_steps > 0:
+		_cut_off_episodes()
+	var slot := _next_ended(0)
+	while slot >= 0:
+		_end(slot)
+		slot = _next_ended(slot + 1)
 
 
 ## Forgets the outcomes of the last step.
@@ -214,6 +219,8 @@ func clear_outcomes() -> void:
 	_terminated.fill(0)
 	_truncated.resize(num)
 	_truncated.fill(0)
+	if final_slots.is_empty() and not _final_parts.is_empty():
+		return
 	final_slots.clear()
 	_final_parts.clear()
 	for i: int in layout.entries.size():
@@ -234,6 +241,7 @@ func append_to(frame: PackedByteArray) -> void:
 
 ## Appends the entries of what all slots observe, one after the other, each padded.
 func append_observations(frame: PackedByteArray) -> void:
+	_ask_observations()
 	if _flat_size >= 0:
 		_append_flat(frame)
 	else:
@@ -269,15 +277,15 @@ func append_final_to(frame: PackedByteArray) -> void:
 ## that the game itself does, nothing of the bridge.
 func play_randomly(rng: RandomNumberGenerator) -> void:
 	var limit := layout.max_steps if layout.max_steps > 0 else 1 << 62
+	_num_steps += 1
 	for slot: int in _targets.size():
 		var target := _targets[slot]
 		active[slot] = int(target != _lost)
 		if target == _lost:
 			continue
-		_steps[slot] += 1
 		target.get_reward()
-		if target.is_done() or _steps[slot] >= limit:
-			_steps[slot] = 0
+		if target.is_done() or _num_steps - _begun_at[slot] >= limit:
+			_begun_at[slot] = _num_steps
 			agents[slot].world.begin_episode()
 			target.reset()
 		target.get_observation()
@@ -285,15 +293,9 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 	set_actions(layout.random_choices(num, rng), layout.random_numbers(num, rng))
 
 
-func _unpack_actions() -> void:
-	_actions.resize(active.size())
-	for slot: int in active.size():
-		if active[slot] == 1:
-			_actions[slot] = layout.action_of(slot, _discrete, _continuous)
-
-
+## Hands each slot that acts its action.
 func _apply() -> void:
-	if layout.num_discrete == 1 and layout.continuous_size == 0:
+	if layout.is_one_choice():
 		for slot: int in _targets.size():
 			if active[slot] == 1:
 				_targets[slot].apply_action(_discrete[slot])
@@ -303,7 +305,46 @@ func _apply() -> void:
 			_targets[slot].apply_action(_actions[slot])
 
 
+## Asks each slot that acts for its reward, and whether its episode has ended or is cut off.
+func _ask_outcomes() -> void:
+	var has_truncation := layout.has_truncation
+	for slot: int in _targets.size():
+		if active[slot] == 0:
+			continue
+		var target := _targets[slot]
+		_rewards[slot] = target.get_reward()
+		if target.is_done():
+			_terminated[slot] = 1
+		elif has_truncation and target.is_truncated():
+			_truncated[slot] = 1
+
+
+## Asks each slot that acts what it observes.
+func _ask_observations() -> void:
+	for slot: int in _targets.size():
+		_observations[slot] = _targets[slot].get_observation() if active[slot] == 1 else null
+
+
+func _cut_off_episodes() -> void:
+	var begun_at := _num_steps - layout.max_steps
+	var slot := _begun_at.find(begun_at)
+	while slot >= 0:
+		if active[slot] == 1 and _terminated[slot] == 0:
+			_truncated[slot] = 1
+		slot = _begun_at.find(begun_at, slot + 1)
+
+
+## The first slot from one on whose episode has ended in this step, or -1.
+func _next_ended(from: int) -> int:
+	var terminated := _terminated.find(1, from)
+	var truncated := _truncated.find(1, from)
+	if terminated < 0 or truncated < 0:
+		return maxi(terminated, truncated)
+	return mini(terminated, truncated)
+
+
 func _end(slot: int) -> void:
+	_steps[slot] = _num_steps - _begun_at[slot]
 	active[slot] = 0
 	final_slots.append(slot)
 	var value: Variant = _targets[slot].get_observation()
@@ -318,13 +359,12 @@ func _append_flat(frame: PackedByteArray) -> void:
 	var numbers := PackedFloat32Array()
 	var entry := layout.entries[0]
 	var size := _flat_size
-	for slot: int in _targets.size():
-		if active[slot] == 0:
-			numbers.resize(numbers.size() + size)
-			continue
-		var value: Variant = _targets[slot].get_observation()
+	for slot: int in _observations.size():
+		var value: Variant = _observations[slot]
 		if value is PackedFloat32Array and (value as PackedFloat32Array).size() == size:
 			numbers.append_array(value)
+		elif active[slot] == 0:
+			numbers.resize(numbers.size() + size)
 		else:
 			numbers.append_array(_entry_bytes(slot, entry, value).to_float32_array())
 	frame.append_array(numbers.to_byte_array())
@@ -332,14 +372,11 @@ func _append_flat(frame: PackedByteArray) -> void:
 
 
 func _append_entries(frame: PackedByteArray) -> void:
-	var values: Array[Variant] = []
-	for slot: int in _targets.size():
-		values.append(_targets[slot].get_observation() if active[slot] == 1 else null)
 	for entry: LudusObservationEntry in layout.entries:
 		var num_bytes := entry.num_bytes()
-		for slot: int in _targets.size():
+		for slot: int in _observations.size():
 			if active[slot] == 1:
-				frame.append_array(_entry_bytes(slot, entry, values[slot]))
+				frame.append_array(_entry_bytes(slot, entry, _observations[slot]))
 			else:
 				frame.resize(frame.size() + num_bytes)
 		LudusWire.pad(frame)
@@ -372,4 +409,5 @@ func _where(slot: int) -> String:
 	var agent := agents[slot]
 	if agent == null:
 		return "policy %s, slot %d" % [policy_name, slot]
-	return "world %d, agent %s, step %d" % [_slot_worlds[slot], agent.path_in_world(), _steps[slot]]
+	var step := episode_steps(slot)
+	return "world %d, agent %s, step %d" % [_slot_worlds[slot], agent.path_in_world(), step]

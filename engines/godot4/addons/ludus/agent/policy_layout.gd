@@ -27,6 +27,9 @@ var continuous_size: int = 0
 ## What is wrong with the declarations, or an empty text.
 var error: String = ""
 
+## Name and count of numbers of each component; 0: a choice.
+var _names: PackedStringArray = []
+var _sizes: PackedInt32Array = []
 ## The fewest alternatives of a choice.
 var _fewest_alternatives: int = 1 << 62
 var _settings: Dictionary = {}
@@ -44,6 +47,8 @@ func _init(
 	is_every_tick = first.action_timing == LudusAgent.ActionTiming.EVERY_TICK
 	max_steps = max_steps_override if max_steps_override > 0 else first.max_episode_steps
 	for part: LudusActionComponent in components:
+		_names.append(part.name)
+		_sizes.append(0 if part.kind == LudusActionComponent.Kind.DISCRETE else part.size)
 		if part.kind == LudusActionComponent.Kind.DISCRETE:
 			num_discrete += 1
 			mask_size += part.n
@@ -97,24 +102,44 @@ func find_wrong_choice(slot: int, discrete: PackedInt64Array) -> String:
 	return ""
 
 
-## One agent's action, as the game gets it.
-func action_of(slot: int, discrete: PackedInt64Array, continuous: PackedFloat32Array) -> Variant:
-	if continuous_size == 0:
-		if num_discrete == 1:
-			return discrete[slot]
-		return discrete.slice(slot * num_discrete, (slot + 1) * num_discrete)
-	if num_discrete == 0:
-		return continuous.slice(slot * continuous_size, (slot + 1) * continuous_size)
+## Whether an action is one choice, the quick case: the game gets it as it came.
+func is_one_choice() -> bool:
+	return num_discrete == 1 and continuous_size == 0
+
+
+## Puts the actions of the slots that act into [param actions], as the game gets them. They are new
+## ones in each step, as the game may keep what it gets.
+func unpack_actions(
+	active: PackedByteArray,
+	discrete: PackedInt64Array,
+	continuous: PackedFloat32Array,
+	actions: Array[Variant]
+) -> void:
+	for slot: int in active.size():
+		if active[slot] == 0:
+			continue
+		if continuous_size == 0:
+			actions[slot] = discrete.slice(slot * num_discrete, (slot + 1) * num_discrete)
+		elif num_discrete == 0:
+			actions[slot] = continuous.slice(slot * continuous_size, (slot + 1) * continuous_size)
+		else:
+			actions[slot] = _mixed_action(slot, discrete, continuous)
+
+
+func _mixed_action(
+	slot: int, discrete: PackedInt64Array, continuous: PackedFloat32Array
+) -> Dictionary:
 	var by_name := {}
 	var next_choice := slot * num_discrete
 	var next_number := slot * continuous_size
-	for part: LudusActionComponent in components:
-		if part.kind == LudusActionComponent.Kind.DISCRETE:
-			by_name[part.name] = discrete[next_choice]
+	for i: int in _names.size():
+		var size := _sizes[i]
+		if size == 0:
+			by_name[_names[i]] = discrete[next_choice]
 			next_choice += 1
 		else:
-			by_name[part.name] = continuous.slice(next_number, next_number + part.size)
-			next_number += part.size
+			by_name[_names[i]] = continuous.slice(next_number, next_number + size)
+			next_number += size
 	return by_name
 
 

@@ -44,43 +44,21 @@ func drop_leavers() -> void:
 	_has_lost = _targets.has(_lost)
 
 
-func collect_outcomes() -> void:
-	if _has_lost:
-		super()
-		return
-	clear_outcomes()
-	var limit := layout.max_steps if layout.max_steps > 0 else 1 << 62
-	var has_truncation := layout.has_truncation
-	for slot: int in _simulations.size():
-		if active[slot] == 0:
-			continue
-		var simulation := _simulations[slot]
-		var index := _indices[slot]
-		var steps := _steps[slot] + 1
-		_steps[slot] = steps
-		_rewards[slot] = simulation.get_reward(index)
-		if simulation.is_done(index):
-			_terminated[slot] = 1
-			_end(slot)
-		elif steps >= limit or (has_truncation and simulation.is_truncated(index)):
-			_truncated[slot] = 1
-			_end(slot)
-
-
 func play_randomly(rng: RandomNumberGenerator) -> void:
 	if _has_lost:
 		super(rng)
 		return
 	var limit := layout.max_steps if layout.max_steps > 0 else 1 << 62
+	_num_steps += 1
 	for slot: int in _simulations.size():
 		if _seats[slot].is_idle:
+			_begun_at[slot] = _num_steps
 			continue
 		var simulation := _simulations[slot]
 		var index := _indices[slot]
-		_steps[slot] += 1
 		simulation.get_reward(index)
-		if simulation.is_done(index) or _steps[slot] >= limit:
-			_steps[slot] = 0
+		if simulation.is_done(index) or _num_steps - _begun_at[slot] >= limit:
+			_begun_at[slot] = _num_steps
 			simulation.world.begin_episode()
 			_seats[slot].reset()
 			if _seats[slot].is_idle:
@@ -96,7 +74,7 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 func _apply() -> void:
 	if _has_lost:
 		super()
-	elif layout.num_discrete == 1 and layout.continuous_size == 0:
+	elif layout.is_one_choice():
 		for slot: int in _simulations.size():
 			if active[slot] == 1:
 				_simulations[slot].apply_action(_indices[slot], _discrete[slot])
@@ -106,21 +84,29 @@ func _apply() -> void:
 				_simulations[slot].apply_action(_indices[slot], _actions[slot])
 
 
-func _append_flat(frame: PackedByteArray) -> void:
+func _ask_outcomes() -> void:
 	if _has_lost:
-		super(frame)
+		super()
 		return
-	var numbers := PackedFloat32Array()
-	var entry := layout.entries[0]
-	var size := _flat_size
+	var has_truncation := layout.has_truncation
 	for slot: int in _simulations.size():
 		if active[slot] == 0:
-			numbers.resize(numbers.size() + size)
 			continue
-		var value: Variant = _simulations[slot].get_observation(_indices[slot])
-		if value is PackedFloat32Array and (value as PackedFloat32Array).size() == size:
-			numbers.append_array(value)
+		var simulation := _simulations[slot]
+		var index := _indices[slot]
+		_rewards[slot] = simulation.get_reward(index)
+		if simulation.is_done(index):
+			_terminated[slot] = 1
+		elif has_truncation and simulation.is_truncated(index):
+			_truncated[slot] = 1
+
+
+func _ask_observations() -> void:
+	if _has_lost:
+		super()
+		return
+	for slot: int in _simulations.size():
+		if active[slot] == 1:
+			_observations[slot] = _simulations[slot].get_observation(_indices[slot])
 		else:
-			numbers.append_array(_entry_bytes(slot, entry, value).to_float32_array())
-	frame.append_array(numbers.to_byte_array())
-	LudusWire.pad(frame)
+			_observations[slot] = null
