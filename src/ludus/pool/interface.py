@@ -118,7 +118,8 @@ class Pool(Protocol):
     def show_status(self, status: Mapping[str, Any]) -> None:
         """Tell the games how training goes (PROTOCOL.md §8); one round trip for each engine.
 
-        Call it between two steps, as :meth:`take_requests`, and a few times a second at most.
+        Call it between two steps, as :meth:`take_requests`, after every update; requests that a
+        game makes in answer are there at once.
 
         Args:
             status: ``{"agent_steps": int, "updates": int, "policies": {name: {"mode": word,

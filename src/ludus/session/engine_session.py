@@ -270,7 +270,8 @@ class EngineSession:
             EngineError: The engine failed.
         """
         if REQUESTS in self.hello.capabilities:
-            self.call(BRIDGE, "show_status", [dict(status)])
+            has_requests = self.call(BRIDGE, "show_status", [dict(status)])
+            self._decoder.has_requests |= has_requests is True
 
     def fail(self, error: LudusError) -> None:
         """Tell the game why the session ends, and end it; does nothing once it has ended."""

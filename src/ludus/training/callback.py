@@ -12,14 +12,14 @@ from ludus.training.trainer import Trainer
 
 __all__ = ["RunCallback"]
 
-STATUS_EVERY_S = 0.5
-"""Seconds of training between two reports to the games."""
-
 log = logging.getLogger(__name__)
 
 
 class RunCallback:
-    """Handles the requests of a run that no game guides, after every update.
+    """Handles the requests of a run that no game guides, before the first update and after each.
+
+    The games are told how it goes, and what they ask for in answer is in effect for the next
+    update; so a game can say for each update who learns.
 
     Args:
         trainer: What the requests change.
@@ -34,8 +34,7 @@ class RunCallback:
         self._training = training
         self._hooks = hooks
         self._error: Exception | None = None
-        self._num_updates = trainer.updates
-        self._status_at_s = 0.0
+        self._num_updates: int | None = None
         if hooks.on_episode is not None:
             trainer.follow_episodes(self._report_episodes)
 
@@ -48,13 +47,13 @@ class RunCallback:
         """Handle what games, scripts and the control folder ask for; return whether to stop."""
         if self._error is not None:
             raise self._error
-        if self._trainer.updates > self._num_updates:
-            self._num_updates = self._trainer.updates
+        if self._trainer.updates != self._num_updates:
+            is_first, self._num_updates = self._num_updates is None, self._trainer.updates
+            self._pool.show_status(self._trainer.status())
             if self._apply_requests():
                 return True
-            if self._hooks.on_update is not None:
+            if self._hooks.on_update is not None and not is_first:
                 self._hooks.on_update(self._training)
-            self._show_status()
         self._training.apply()
         return self._training.is_stopping
 
@@ -71,7 +70,8 @@ class RunCallback:
 
     def _apply_requests(self) -> bool:
         is_stopping = False
-        for values in [*self._pool.take_requests(), *take_requests(self._training.folder.control)]:
+        requests = [*self._pool.take_requests(), *take_requests(self._training.folder.control)]
+        for values in requests:
             match read_request(values, self._pool.policies):
                 case SetMode(policy, mode):
                     self._trainer.set_mode(policy, mode)
@@ -83,11 +83,6 @@ class RunCallback:
                     pass
                 case request:
                     log.warning("ignoring %s: only ludus serve can do that", request.to_json())
+        if requests:
+            self._pool.show_status(self._trainer.status())
         return is_stopping
-
-    def _show_status(self) -> None:
-        """Show the games the status, twice per second at most."""
-        if self._trainer.wall_s - self._status_at_s < STATUS_EVERY_S:
-            return
-        self._status_at_s = self._trainer.wall_s
-        self._pool.show_status(self._trainer.status())

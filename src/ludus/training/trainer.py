@@ -55,7 +55,7 @@ class TrainerCallback(Protocol):
         ...
 
     def call(self) -> bool:
-        """Handle requests and report; called when :meth:`is_due` and after every update.
+        """Report and handle requests; called when :meth:`is_due`, at the start, after every update.
 
         Returns:
             Whether training has to end.
@@ -187,8 +187,11 @@ class Trainer:
         metrics = MetricsLog(self._folder.path, self.agent_steps, trackers)
         try:
             self._pool.take_metrics()  # of what was played before
-            self._reset()
-            reason = self._loop(is_stopping, reporter, callback, metrics)
+            if callback.call():
+                reason = "stopped"
+            else:
+                self._reset()
+                reason = self._loop(is_stopping, reporter, callback, metrics)
         except DivergenceError as error:
             raise self._save_diverged(error) from None
         except Exception:  # of an engine, a script's callback, the disk, or a defect

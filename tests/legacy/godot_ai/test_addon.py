@@ -93,7 +93,6 @@ def test_the_spec_is_what_the_environment_says(pool: EnginePool) -> None:
         "target_entropy": -2.0, "learning_starts": 0, "normalise_observation": False,
         "save_replay": False, "report_steps": STEPS_IN_ROUND,
     }  # fmt: skip
-    assert drifter.settings["mode"] == "deterministic"
     assert drifter.settings["replay_capacity"] == 128, "never less than a batch"
 
 
@@ -262,6 +261,40 @@ def test_only_some_simulations_are_shown(project: Path, log: Path) -> None:
     assert len(set(shown[-3:])) == 3, "get_number_of_simulations_to_display"
 
 
+def test_the_map_of_each_epoch_holds_in_its_round(
+    project: Path, log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("POINT_TURNS", "1")
+    config = TrainConfig(
+        target=str(project), num_worlds=4, num_engines=1, seed=3, total_steps=400,
+        evaluation_episodes=0, runs=tmp_path, name="run",
+    )  # fmt: skip
+    result = train(config)
+    learning = [
+        [line["policies"][name]["is_learning"] for name in ("walker", "drifter")]
+        for line in read_metrics(result.path / "metrics.jsonl")
+    ]
+    epochs = len(learning)
+    assert epochs >= 5
+    assert learning == [[epoch % 2, 1 - epoch % 2] for epoch in range(1, epochs + 1)]
+    events = Events(log)
+    # After the last epoch the game is told that the next begins, as it cannot know the limit.
+    assert [int(row[0]) for row in events.of("map")] == list(range(1, epochs + 2))
+    words = ("playing", "submitting", "training", "Done Training")
+    expected = [f"{epoch} {word}" for epoch in range(1, epochs + 1) for word in words]
+    told = [" ".join(row) for row in events.of("status")]
+    first = told.index("1 playing")
+    assert told[first:] == [*expected, f"{epochs + 1} playing"]
+    (output,) = result.path.rglob("engine*.log")
+    lines = output.read_text().splitlines()
+    assert [line for line in lines if line.startswith("Epoch: ")] == [
+        f"Epoch: {epoch}" for epoch in range(1, epochs + 2)
+    ]
+    assert "Agent named walker initialized." in lines
+    assert "Replay Capacity: 5000" in lines
+    assert "Checkpoint not loaded for: walker (there is none)" in lines
+
+
 @pytest.mark.slow
 def test_it_learns_and_obeys_the_map(
     project: Path, log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -281,5 +314,6 @@ def test_it_learns_and_obeys_the_map(
     assert start > 0
     assert set(is_learning[:start]) == {0}
     assert set(is_learning[start + 1 :]) == {1}
-    asked = Events(log).of("status")
-    assert int(asked[0][0]) < 25 <= int(asked[-1][0]), "update_status"
+    epochs = len(lines)
+    assert start == 24, "the map says so from epoch 25 on"
+    assert [int(row[0]) for row in Events(log).of("map")] == list(range(1, epochs + 2))

@@ -33,6 +33,14 @@ var _keys = [
 	[0, func(): return runner()._initial_simulations.size() == 8 and is_begun()],
 	[KEY_UP, func(): return training().state == State.STANDBY and has_left_worlds()],
 	[KEY_3, func(): return runner()._is_loop_training and runner()._loop_train_count > 4],
+	[KEY_8, func(): return is_learning(false, true)],
+	[KEY_7, func(): return is_learning(true, false)],
+	[KEY_KP_8, func(): return is_learning(false, true)],
+	[KEY_KP_7, func(): return is_learning(true, false)],
+	[KEY_9, func(): return is_learning(true, true)],
+	[KEY_0, func(): return is_learning(false, false)],
+	[KEY_KP_9, func(): return is_learning(true, true)],
+	[KEY_KP_0, func(): return is_learning(false, false)],
 	[KEY_2, func(): return training().state == State.PLAYING],
 	[0, func(): return runner()._is_loop_training],
 	[KEY_O, func(): return FileAccess.file_exists("res://AIServerCommFiles/walker.ludus.json")],
@@ -53,6 +61,9 @@ func runner():
 	return get_tree().current_scene._ai_runner
 func training():
 	return runner().training
+func is_learning(walker, drifter):
+	var modes = training().modes
+	return (modes["walker"] == 0) == walker and (modes["drifter"] == 0) == drifter
 func has_left_worlds():
 	return runner()._worlds.get_child_count() == 0
 func is_begun():
@@ -112,10 +123,16 @@ def test_the_keys_of_godot_ai(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert await_end(started, 30.0) == [], "the server ends with the game"
     events = Events(log)
     done = [" ".join(row) for row in events.of("did")]
-    assert done == ["", "Up", "3", "2", "", "O", "Enter"]
+    who_learns = ["8", "7", "Kp 8", "Kp 7", "9", "0", "Kp 9", "Kp 0"]
+    assert done == ["", "Up", "3", *who_learns, "2", "", "O", "Enter"]
     assert events.counts("clean") == events.counts("new"), "by both worlds and trainer"
-    states = {row[1].rstrip(":") for row in events.of("status") if len(row) > 1}
-    assert states >= {"standby", "training", "playing"}
+    told = [" ".join(row[1:]) for row in events.of("status") if len(row) > 1]
+    start = told.index("playing")
+    assert told[:start][-1].startswith("standby: new run PointEnv")
+    epoch = ["playing", "submitting", "training", "Done Training"]
+    assert told[start : start + 4] == epoch
+    assert any(words.startswith("playing: ") for words in told), "key 2"
+    assert told[-1].startswith("standby: saved checkpoint at")
     policy = read_model(project / "AIServerCommFiles" / "walker.ludus.json")
     assert policy.spec.name == "walker"
     runs = [entry for entry in (project / "runs").iterdir() if entry.is_dir()]

@@ -83,9 +83,28 @@ other = NodePath("../Even")
 # Does what files ask for, and notes what it is told.
 DRIVER = """\
 extends Node
+const KEYS := {
+	&"ludus_train_first": [KEY_7, KEY_KP_7],
+	&"ludus_train_second": [KEY_8, KEY_KP_8],
+	&"ludus_train_all": [KEY_9, KEY_KP_9],
+	&"ludus_train_none": [KEY_0, KEY_KP_0],
+}
 @onready var training: LudusTraining = $"../Training"
 var folder := ""
 var heard: FileAccess
+func _init() -> void:  # before the node above looks whether the project has these actions
+	for action: StringName in KEYS:
+		InputMap.add_action(action)
+		for key: Key in KEYS[action]:
+			var event := InputEventKey.new()
+			event.keycode = key
+			InputMap.action_add_event(action, event)
+func press(key: Key) -> void:
+	for is_down: bool in [true, false]:
+		var event := InputEventKey.new()
+		event.keycode = key
+		event.pressed = is_down
+		Input.parse_input_event(event)
 func _ready() -> void:
 	process_mode = Node.PROCESS_MODE_ALWAYS
 	for argument: String in OS.get_cmdline_user_args():
@@ -114,6 +133,8 @@ func _process(_delta: float) -> void:
 			load("res://pennies.gd").is_broken = true
 		"set_policy_mode":
 			training.set_policy_mode(words[1], LudusBridge.PolicyMode.get(words[2]))
+		"press":
+			press(OS.find_keycode_from_string(words[1].replace("_", " ")))
 		_:
 			training.call(words[0])
 """

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -108,6 +109,26 @@ def test_every_request_of_a_game_is_carried_out(server: Running, play: Play) -> 
     kept = [int(path.name[7:]) for path in folder.checkpoints().folder.glob("update-*")]
     assert sorted(kept) == list(range(4, int(last["updates"]) + 1, 4))
     assert game.process.script_errors == []
+
+
+def test_keys_of_the_project_choose_who_learns(server: Running, play: Play) -> None:
+    game = play(server.port)
+    game.train()
+    chosen = {"8": "odd", "7": "even", "Kp_8": "odd", "Kp_7": "even",
+              "9": "even odd", "0": "", "Kp_9": "even odd", "Kp_0": ""}  # fmt: skip
+    for key, learning in chosen.items():
+        game.ask(f"press {key}")
+        expected = {
+            name: "train" if name in learning.split() else "deterministic"
+            for name in ("even", "odd")
+        }
+        game.await_status(lambda status, expected=expected: modes(status) == expected)
+    assert game.process.script_errors == []
+
+
+def modes(status: dict[str, Any]) -> dict[str, str]:
+    """Return the mode of each policy."""
+    return {name: of["mode"] for name, of in status["policies"].items()}
 
 
 def test_a_killed_game_resumes_its_run(server: Running, play: Play, tmp_path: Path) -> None:

@@ -98,7 +98,8 @@ func get_train_steps(_agent_name: String) -> int:
 	return 0
 
 
-## Tells how training goes, a few times a second. [param _epoch] counts rounds from 1.
+## Tells how training goes, in each epoch "playing", "submitting", "training" and "Done Training".
+## [param _epoch] counts rounds from 1.
 func update_status(_epoch: int, _message: String) -> void:
 	pass
 
@@ -109,8 +110,8 @@ func get_agent_names() -> Array[String]:
 	return []
 
 
-## Which agents take their most probable action and learn nothing, by name. Asked a few times a
-## second.
+## Which agents take their most probable action and learn nothing, by name. Asked once for each
+## epoch, before its round.
 func get_is_deterministic_map(_epoch: int) -> Dictionary:
 	_say_missing("get_is_deterministic_map")
 	return {}

@@ -58,6 +58,10 @@ var _settings: Dictionary[String, LudusPolicySettings] = {}
 var _settings_frame: int = -1
 ## What was told last.
 var _message: String = ""
+## Whether the round of [member _loop_train_count] is being played.
+var _is_in_round: bool = false
+## Whether the console has the lines of [method _print_agents].
+var _are_agents_printed: bool = false
 
 
 ## The scene that worlds are made of.
@@ -160,10 +164,8 @@ func settings(agent_name: String) -> LudusPolicySettings:
 	if _settings_frame != Engine.get_process_frames():
 		_settings_frame = Engine.get_process_frames()
 		_settings.clear()
-		var map := env_delegate.get_is_deterministic_map(_loop_train_count)
 		for own_name: String in agents():
 			_settings[own_name] = LudusClassicSettings.of(env_delegate, own_name)
-			_settings[own_name].mode = _mode(map, own_name)
 	return _settings[agent_name]
 
 
@@ -213,23 +215,58 @@ func _follow(state: LudusTraining.State) -> void:
 		LudusPace.watch_at(WATCHED_TICKS if state == LudusTraining.State.PLAYING else 0)
 	if state == LudusTraining.State.OFFLINE and _is_trained:
 		_is_trained = false
+		_is_in_round = false
+		_are_agents_printed = false
 		setup_simulations()
 
 
 func _take_in(status: Dictionary) -> void:
+	_print_agents(status)
 	var state := str(status.get("state", "training"))
-	_loop_train_count = int(status.get("updates", 0)) + 1
-	if state == "training":
-		_ask_for_modes(status.get("policies", {}))
+	var epoch := int(status.get("updates", 0)) + 1
+	if _is_in_round and epoch > _loop_train_count:
+		_end_round()
+	_loop_train_count = epoch
 	_message = str(status.get("message", ""))
-	env_delegate.update_status(
-		_loop_train_count, state if _message.is_empty() else "%s: %s" % [state, _message]
-	)
+	if state != "training":
+		_is_in_round = false
+		var words := state if _message.is_empty() else "%s: %s" % [state, _message]
+		env_delegate.update_status(epoch, words)
+	elif not _is_in_round:
+		_begin_round(status.get("policies", {}))
+
+
+## Says in the console, once for each trainer, what the server of godot-ai said of every agent.
+func _print_agents(status: Dictionary) -> void:
+	if _are_agents_printed:
+		return
+	_are_agents_printed = true
+	var steps := int(status.get("agent_steps", 0))
+	for agent_name: String in env_delegate.get_agent_names():
+		print("Replay Capacity: ", env_delegate.get_replay_capacity(agent_name))
+		print("Agent named ", agent_name, " initialized.")
+		if steps > 0:
+			print("Checkpoint loaded for ", agent_name, ": ", steps, " agent steps")
+		else:
+			print("Checkpoint not loaded for: ", agent_name, " (there is none)")
+
+
+## The trainer tells of an epoch when it is over: it has learned while the round was played.
+func _end_round() -> void:
+	_is_in_round = false
+	for words: String in ["submitting", "training", "Done Training"]:
+		env_delegate.update_status(_loop_train_count, words)
+
+
+func _begin_round(policies: Dictionary) -> void:
+	_is_in_round = true
+	print("Epoch: ", _loop_train_count)
+	env_delegate.update_status(_loop_train_count, "playing")
+	_ask_for_modes(env_delegate.get_is_deterministic_map(_loop_train_count), policies)
 
 
 ## Asks for the modes that the environment wants, where they are others.
-func _ask_for_modes(policies: Dictionary) -> void:
-	var map := env_delegate.get_is_deterministic_map(_loop_train_count)
+func _ask_for_modes(map: Dictionary, policies: Dictionary) -> void:
 	for agent_name: String in policies:
 		var wanted := _mode(map, agent_name)
 		var word: Variant = (policies[agent_name] as Dictionary).get("mode")

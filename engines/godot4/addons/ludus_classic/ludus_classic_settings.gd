@@ -1,7 +1,7 @@
 class_name LudusClassicSettings
 extends RefCounted
 ## Training settings of an agent of an [AIBaseEnvironment]: those that the environment names, and
-## for the rest those of godot-ai, as [code]ludus serve --dialect godot-ai[/code] has them.
+## for the rest those of godot-ai, as [code]ludus serve --bridge godot-ai[/code] has them.
 
 const LEARNING_RATE := 3e-4
 const DISCOUNT := 0.99

@@ -1,7 +1,7 @@
 class_name PolicyLoader
 extends RefCounted
 ## Reads the policy of an agent for a [NeuralNetwork]: [code]NAME_policy.json[/code], as godot-ai
-## and [code]ludus serve --dialect godot-ai[/code] write it, or [code]NAME.ludus.json[/code], as
+## and [code]ludus serve --bridge godot-ai[/code] write it, or [code]NAME.ludus.json[/code], as
 ## the trainer of this add-on does. If both are there, the newer one.
 
 const LudusPolicyDense := preload("res://addons/ludus/policy/policy_dense.gd")

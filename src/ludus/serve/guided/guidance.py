@@ -84,6 +84,7 @@ class Guidance:
         self._message = run.message
         self._pending_report: dict[str, Any] = {}
         self._status_due_at = 0.0
+        self._shown_updates = -1
         self._num_rounds = 0
 
     def conduct(self, is_stopping: Callable[[], bool]) -> StopReason:
@@ -111,7 +112,9 @@ class Guidance:
         return self._session.has_requests or time.monotonic() >= self._status_due_at
 
     def call(self) -> bool:
-        """Handle requests and report; return whether the current state has to end."""
+        """Report and handle requests; return whether the current state has to end."""
+        if self._run.trainer.updates != self._shown_updates:
+            self._show_status()
         requests = [*self._session.take_requests(), *take_requests(self._run.folder.control)]
         for values in requests:
             self._apply(values)
@@ -221,6 +224,7 @@ class Guidance:
 
     def _show_status(self) -> None:
         self._status_due_at = time.monotonic() + STATUS_EVERY_S
+        self._shown_updates = self._run.trainer.updates
         pending_report, self._pending_report = self._pending_report, {}
         self._pool.show_status({
             **self._run.trainer.status(),

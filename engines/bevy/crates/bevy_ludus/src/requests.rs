@@ -91,7 +91,7 @@ pub struct PolicyStatus {
     pub mean_return: Option<f64>,
 }
 
-/// How training goes: a message, sent a few times a second at most.
+/// How training goes: a message, sent before training and after every update.
 #[derive(Message, Clone, Debug, PartialEq, Deserialize)]
 pub struct TrainingStatus {
     /// Decisions of all agents so far.

@@ -64,7 +64,7 @@ func answer_for_bridge(
 		result["error"] = "%s takes one object" % method
 	else:
 		status.take_in(arguments[0])
-		result["value"] = null
+		result["value"] = true if requests.flags() != 0 else null
 	return LudusWire.json_frame(LudusWire.Type.RESULT, result)
 
 

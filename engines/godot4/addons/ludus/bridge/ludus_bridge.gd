@@ -10,7 +10,8 @@ extends Node
 
 ## Emitted when a trainer has connected and the worlds stand.
 signal training_started(num_worlds: int)
-## Emitted a few times a second while training runs. [param status] holds [code]agent_steps[/code],
+## Emitted before training and after every update; who learns next may be asked for in it, see
+## [method set_policy_mode]. [param status] holds [code]agent_steps[/code],
 ## [code]updates[/code] and [code]policies[/code]: by name, [code]mode[/code] (a word) and
 ## [code]mean_return[/code] (a number, or null as long as there is none).
 signal training_status(status: Dictionary)

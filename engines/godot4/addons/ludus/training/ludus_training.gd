@@ -12,7 +12,8 @@ extends Node
 
 ## Emitted when the trainer has come, gone, or begun something else.
 signal state_changed(state: State)
-## Emitted with all that the trainer tells, a few times a second (PROTOCOL.md §8).
+## Emitted with all that the trainer tells, after every update and a few times a second (PROTOCOL.md
+## §8).
 signal status_changed(status: Dictionary)
 
 ## What goes on.

@@ -3,6 +3,21 @@ extends AIBaseEnvironment
 @export var state_label: Label
 
 var _sims_to_display: Array[PointSimulation] = []
+var _only_play: Dictionary = {}
+
+
+# As the environments of godot-ai choose who trains.
+func _input(event):
+	if event is InputEventKey and event.is_pressed():
+		match event.keycode:
+			KEY_7, KEY_KP_7:
+				_only_play = {"walker": false, "drifter": true}
+			KEY_8, KEY_KP_8:
+				_only_play = {"walker": true, "drifter": false}
+			KEY_9, KEY_KP_9:
+				_only_play = {"walker": false, "drifter": false}
+			KEY_0, KEY_KP_0:
+				_only_play = {"walker": true, "drifter": true}
 
 
 func _draw():
@@ -77,6 +92,11 @@ func get_agent_names() -> Array[String]:
 
 
 func get_is_deterministic_map(epoch: int) -> Dictionary:
+	PointLog.write("map %d" % epoch)
+	if !_only_play.is_empty():
+		return _only_play
+	if OS.has_environment("POINT_TURNS"):
+		return {"walker": epoch % 2 == 0, "drifter": epoch % 2 == 1}
 	var learns_from = OS.get_environment("POINT_DRIFTER_LEARNS_FROM")
 	return {"walker": false, "drifter": learns_from.is_empty() or epoch < int(learns_from)}
 
