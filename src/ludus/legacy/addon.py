@@ -22,7 +22,7 @@ from ludus.engine.kinds import EngineKind
 from ludus.engine.project import find_project
 from ludus.engine.script_classes import find_script_classes, move_script_classes
 from ludus.errors import ConfigError, SetupError
-from ludus.legacy.addon_files import back_up, declared_classes, own_classes
+from ludus.legacy.addon_files import back_up, declared_classes, names_class, own_classes
 from ludus.legacy.gymgodot.addon import SCRIPT as GYMGODOT_SCRIPT
 from ludus.legacy.gymgodot.addon import gymgodot_scripts, scenes_without_action
 
@@ -85,14 +85,16 @@ def install_legacy_addon(project: Path, *, force: bool = False) -> LegacyChange:
 
     Raises:
         TargetError: There is no Godot project.
-        ConfigError: Files of the add-on were changed by hand, or a class of the game has a name
-            that the add-on needs.
+        ConfigError: The game was written for none of the bridges, files of the add-on were changed
+            by hand, or a class of the game has a name that the add-on needs.
         SetupError: The project cannot be written.
     """
     found = find_project(project)
     root, is_godot3 = found.root, found.engine_kind is EngineKind.GODOT3
     original = _ORIGINALS[found.engine_kind]
     scripts = _forwarding_scripts(root, found.engine_kind, original)
+    if not scripts and not (root / LEGACY_PATH).exists():
+        _require_legacy_game(root, found.engine_kind)
     legacy = install_folder(root, LEGACY_PATH, force=force)
     addon = install_addon(root, force=force)
     name = original.name if scripts else "gymgodot"
@@ -127,6 +129,19 @@ def _forwarding_scripts(root: Path, kind: EngineKind, original: _Original) -> di
     # The root class comes last: until then a repetition knows whose the others are.
     names = sorted(theirs, key=lambda name: name == original.root_class)
     return {theirs[name]: _forwarding_script(original.name, ours[name]) for name in names}
+
+
+def _require_legacy_game(root: Path, kind: EngineKind) -> None:
+    """Raise unless a script or scene names something that a legacy bridge brings."""
+    names = {*own_classes(kind), *(["GymGodot"] if kind is EngineKind.GODOT3 else [])}
+    if not names_class(root, names):
+        bridges = _ORIGINALS[kind].name
+        bridges += " or GymGodot" if kind is EngineKind.GODOT3 else ""
+        raise ConfigError(
+            f"{root} was not written for {bridges}: no script or scene names a class of it, so "
+            "nothing was installed",
+            hint="leave out --legacy: ludus addon install installs the add-on itself",
+        )
 
 
 def _forwarding_script(name: str, path: str) -> str:

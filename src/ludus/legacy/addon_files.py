@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 
 from ludus.addon import ADDON_PATH, LEGACY_PATH
@@ -12,7 +12,7 @@ from ludus.engine.bundled import bundled_root
 from ludus.engine.kinds import EngineKind
 from ludus.errors import SetupError
 
-__all__ = ["back_up", "declared_classes", "is_hidden", "own_classes"]
+__all__ = ["back_up", "declared_classes", "is_hidden", "names_class", "own_classes"]
 
 _OWN_PREFIX = "Ludus"
 _CLASS_NAME = re.compile(r"^\s*class_name\s+(\w+)", re.MULTILINE)
@@ -24,6 +24,18 @@ def own_classes(kind: EngineKind) -> dict[str, str]:
     root = bundled_root(kind)
     found = dict(_classes(root / LEGACY_PATH))
     return {name: file.relative_to(root).as_posix() for name, file in found.items()}
+
+
+def names_class(root: Path, names: Collection[str]) -> bool:
+    """Tell whether a script or scene of a game has one of these words, outside of our add-on."""
+    own = {root / ADDON_PATH, root / LEGACY_PATH}
+    word = re.compile(rf"\b(?:{'|'.join(map(re.escape, names))})\b")
+    files = (file for ending in ("*.gd", "*.tscn", "*.tres") for file in root.rglob(ending))
+    return any(
+        word.search(file.read_text(encoding="utf-8", errors="replace"))
+        for file in files
+        if own.isdisjoint(file.parents) and file.is_file()
+    )
 
 
 def declared_classes(root: Path) -> Iterator[tuple[str, Path]]:

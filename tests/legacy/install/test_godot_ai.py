@@ -47,6 +47,17 @@ def test_godot_ai_is_backed_up_and_forwarded(project: Path) -> None:
     assert not list(project.rglob("*.incoming"))
 
 
+def test_a_game_of_no_bridge_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "project.godot").write_text(
+        'config_version=5\n[application]\nconfig/features=PackedStringArray("4.4")\n'
+    )
+    (tmp_path / "game.gd").write_text("extends Node\n# nothing of AIBaseEnvironments\n")
+    before = tree(tmp_path)
+    with pytest.raises(ConfigError, match=r"not written for godot-ai.*nothing was installed"):
+        install_legacy_addon(tmp_path)
+    assert tree(tmp_path) == before
+
+
 def test_repeating_changes_nothing(project: Path) -> None:
     install_legacy_addon(project)
     before = tree(project)
@@ -63,8 +74,9 @@ def test_a_second_copy_of_godot_ai_is_kept_beside_the_first(project: Path) -> No
     assert tree(project / "godot-ai.old") == tree(project / "godot-ai.old-1")
 
 
-def test_a_game_without_godot_ai_gets_the_classes(tmp_path: Path) -> None:
+def test_a_game_that_lacks_godot_ai_gets_the_classes(tmp_path: Path) -> None:
     (tmp_path / "project.godot").write_text("config_version=5\n")
+    (tmp_path / "game.gd").write_text("extends AIBaseEnvironment\n")
     change = install_legacy_addon(tmp_path)
     assert change.replaced == ()
     assert "ai_runner.gd" in change.legacy.added
