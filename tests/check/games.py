@@ -82,6 +82,13 @@ GAMES: dict[str, Game] = {
             "\tx += v + (OS.get_process_id() % 10007) * 1e-7\n"
         )
     ),
+    # As Bullet does with turning bodies: what was played before shows in the last digits.
+    "remembering": Game(
+        broken(
+            "static var num_made := 0\n\nfunc _init() -> void:\n\tnum_made += 1\n\n"
+            "func _physics_process(_delta: float) -> void:\n\tx += v + num_made * 1e-7\n"
+        )
+    ),
     "forgetful": Game(broken("func reset() -> void:\n\tx = world.rng.randf_range(-0.5, 0.5)\n")),
     "hidden_leftover": Game(
         broken(

@@ -14,6 +14,7 @@ from ludus.check.observations import check_observations
 from ludus.check.resets import check_resets
 from ludus.check.seeds import check_seeds
 from ludus.check.timing import check_timing
+from ludus.check.vector_env import check_vector_env
 
 pytestmark = pytest.mark.engine
 
@@ -23,6 +24,7 @@ Check = Callable[[CheckContext], Iterable[Finding]]
 CASES: list[tuple[str, Check, Status, str]] = [
     ("global_random", check_seeds, Status.FAIL, "the same seed twice"),
     ("own_random", check_seeds, Status.FAIL, "the same seed twice"),
+    ("remembering", check_seeds, Status.WARN, "the same seed twice"),
     ("same_start", check_seeds, Status.WARN, "different seeds"),
     ("meddling", check_seeds, Status.FAIL, "world i of 3 equals"),
     ("process_id", check_determinism, Status.FAIL, "two processes"),
@@ -53,6 +55,13 @@ def test_broken_game_is_caught(
     assert found, [f.title for f in findings]
     assert found[-1].status is status, found
     assert found[-1].detail
+
+
+def test_global_randomness_is_not_called_a_defect_of_ludus(checked: Checked) -> None:
+    wrong = [f for f in checked("global_random", check_vector_env) if f.status is Status.FAIL]
+    assert wrong
+    for found in wrong:
+        assert found.hint.startswith("draw all random numbers from LudusWorld.of(self).rng"), found
 
 
 def test_first_divergence_names_step_element_and_both_values(checked: Checked) -> None:

@@ -19,7 +19,8 @@ _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 _REPORTED_ELSEWHERE = ("infinity", "alternative render modes")
 """Bounds are in the observation report; a game renders itself, and needs a screen for that."""
 _FORMAT_HINT = (
-    "follow the advice of the observation report first; otherwise it is a defect of Ludus"
+    "follow the advice of the lines on seeds and observations first; otherwise it is a defect of "
+    "Ludus"
 )
 
 

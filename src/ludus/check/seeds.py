@@ -7,15 +7,18 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ludus.check.context import CheckContext
+from ludus.check.context import CheckContext, OneEngineOnly
 from ludus.check.difference import first_difference
 from ludus.check.finding import Finding, fail, ok, warn
-from ludus.check.recording import record
+from ludus.check.numbers import differences, scales
+from ludus.check.recording import Recording, record
 from ludus.errors import TargetError
 
 __all__ = ["check_seeds"]
 
 RNG_HINT = "draw all random numbers from LudusWorld.of(self).rng, and do not read the clock"
+ROUNDING = 1e-3
+"""In units of an element's usual size."""
 OTHER_SEED = 1_000_003
 
 
@@ -33,7 +36,38 @@ def _same_seed(context: CheckContext) -> Finding:
     found = first_difference(context.recording, again)
     if found is None:
         return ok(title, f"{again.num_steps} steps of {again.spec.num_worlds} worlds")
+    if _is_rounding(context, again) and _are_processes_equal(context):
+        return warn(
+            title,
+            f"the game's physics remembers the episode before: "
+            f"{found.describe('first time', 'second time')}; the first observations are equal, and "
+            "so are two processes",
+            "such differences are as small as rounding errors; whoever needs equal bits begins "
+            "each episode in fresh bodies, or in a new process",
+            **found.to_json(),
+        )
     return fail(title, found.describe("first time", "second time"), RNG_HINT, **found.to_json())
+
+
+def _is_rounding(context: CheckContext, again: Recording) -> bool:
+    """Return whether first observations are equal and the first difference is a tiny one."""
+    first, scale = context.recording, scales(context.recording)
+    for step, (one, two) in enumerate(zip(first.frames, again.frames, strict=False)):
+        sizes = [
+            float(differences(policy, one.batches, two.batches, scale).max(initial=0.0))
+            for policy in first.spec.policies
+        ]
+        if max(sizes) > 0.0:
+            return step > 0 and max(sizes) <= ROUNDING
+    return False
+
+
+def _are_processes_equal(context: CheckContext) -> bool:
+    """Return whether another process plays the same bits, which randomness would not."""
+    with contextlib.suppress(OneEngineOnly), context.other_pool() as pool:
+        other = record(pool, context.config.seed, context.recording.num_steps)
+        return first_difference(context.recording, other) is None
+    return False
 
 
 def _other_seed(context: CheckContext) -> Finding:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ludus.check.context import CheckContext
 from ludus.check.finding import Finding, fail, info, ok
+from ludus.check.seeds import RNG_HINT
 from ludus.errors import UsageError
 from ludus.libraries import LudusVectorEnv
 from ludus.play.players import random_player
@@ -22,6 +23,8 @@ __all__ = ["check_vector_env"]
 
 MAX_STEPS = 100
 HINT = "this is a defect of Ludus; please report it with the scene"
+SEED_TITLE = "VectorEnv: one seed for all equals seed + i"
+SEED_HINT = f"{RNG_HINT}; if the lines on seeds above are ok, {HINT}"
 
 
 def check_vector_env(context: CheckContext) -> list[Finding]:
@@ -34,12 +37,15 @@ def check_vector_env(context: CheckContext) -> list[Finding]:
             "VectorEnv: shapes and types": _shapes,
             "VectorEnv: final_obs exactly where an episode ended": _finals,
             "VectorEnv: returned arrays are not reused": _copies,
-            "VectorEnv: one seed for all equals seed + i": _seeds,
+            SEED_TITLE: _seeds,
             "VectorEnv: reset_mask resets only the worlds it selects": _reset_mask,
             "VectorEnv: unknown options and wrong seeds are refused": _refusals,
         }
         problems = {title: check(player) for title, check in checks.items()}
-    return [fail(title, text, HINT) if text else ok(title) for title, text in problems.items()]
+    return [
+        fail(title, text, SEED_HINT if title == SEED_TITLE else HINT) if text else ok(title)
+        for title, text in problems.items()
+    ]
 
 
 class _Player:
