@@ -140,8 +140,36 @@ def test_resume_of_another_spec_names_the_policy(small: Any) -> None:
 def test_resume_with_another_network_is_refused(small: Any) -> None:
     first = train(small())
     changed = replace(small(), ppo=replace(small().ppo, hidden_sizes=(17,)))
-    with pytest.raises(CheckpointError, match="does not fit the network"):
+    wrong = r"policies\.agent\.hidden_sizes is \[17\] instead of \[16\]"
+    with pytest.raises(CheckpointError, match=wrong):
         train(changed, resume=first.path)
+    with pytest.raises(CheckpointError, match='algorithm is "sac" instead of "ppo"'):
+        train(replace(small(), algorithm="sac"), resume=first.path)
+
+
+def test_resume_names_settings_that_differ(small: Any, caplog: pytest.LogCaptureFixture) -> None:
+    first = train(small())
+    changed = replace(small(total_steps=704), ppo=replace(small().ppo, learning_rate=1e-5))
+    train(changed, resume=first.path)
+    assert "goes on with other settings: " in caplog.text
+    assert "total_steps is 704 instead of 640" in caplog.text
+    assert "policies.agent.learning_rate is 1e-05 instead of 0.001" in caplog.text
+
+
+def test_resume_at_a_limit_names_it_and_evaluates_nothing(
+    small: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    first = train(small(evaluation_episodes=2))
+    written = (first.path / "result.json").read_bytes()
+    second = train(small(evaluation_episodes=2), resume=first.path)
+    assert (second.stop_reason, second.evaluation) == ("total_steps", {})
+    assert "total_steps of 640: there is nothing left to train; raise it with --total-steps" in (
+        caplog.text
+    )
+    assert (first.path / "result.json").read_bytes() == written
+    train(small(evaluation_episodes=2, target_return=-1e9, return_window=1, total_steps=1280),
+          resume=first.path)  # fmt: skip
+    assert "target_return of -1e+09: there is nothing left to train; raise it" in caplog.text
 
 
 def test_divergence_saves_the_state_and_keeps_good_checkpoints(small: Any) -> None:

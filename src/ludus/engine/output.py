@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import subprocess
 import threading
 from collections import deque
@@ -13,10 +14,12 @@ from typing import IO
 
 from ludus.disk import plain_file_opener
 
-__all__ = ["ERROR_MARKS", "OutputDrain", "mark_errors", "run_captured"]
+__all__ = ["ERROR_MARKS", "OutputDrain", "count_errors", "mark_errors", "run_captured"]
 
 ERROR_MARKS = ("SCRIPT ERROR", "ERROR:", "Parse Error", "USER ERROR", "panicked at", "Traceback")
 MAX_LINE_BYTES = 4000
+MAX_COUNTED_BYTES = 1 << 26
+MAX_REPORT_LINES = 16
 
 _READ_BYTES = 1 << 16
 _log = logging.getLogger(__name__)
@@ -127,6 +130,40 @@ class OutputDrain:
         log_file, self._log_file = self._log_file, None
         if log_file is not None:
             log_file.close()
+
+
+def count_errors(path: Path, start: int = 0) -> dict[str, int]:
+    """Return how often each error stands in an engine's log, with the place in the game.
+
+    Args:
+        path: The log; one that cannot be read has no errors.
+        start: Byte to begin at.
+    """
+    counts: dict[str, int] = {}
+    try:
+        with path.open("rb") as file:
+            file.seek(start)
+            lines = [_decode(line).rstrip() for line in file.read(MAX_COUNTED_BYTES).split(b"\n")]
+    except OSError:
+        return counts
+    for i, line in enumerate(lines):
+        if _begins_report(line):
+            place = _place_in_game(lines[i + 1 : i + 1 + MAX_REPORT_LINES])
+            text = line.partition("ERROR: ")[2] or line
+            error = f"{text} ({place})" if place else text
+            counts[error] = counts.get(error, 0) + 1
+    return counts
+
+
+def _place_in_game(lines: Sequence[str]) -> str:
+    """Return the first place in a script of the game that the lines after an error name."""
+    places: list[str] = []
+    for line in lines:
+        if _begins_report(line) or not line.startswith(" "):
+            break
+        places += re.findall(r"\((res://[^)]*)\)", line)
+    own = [place for place in places if not place.startswith("res://addons/ludus/")]
+    return next(iter(own + places), "")
 
 
 def mark_errors(lines: list[str]) -> list[str]:

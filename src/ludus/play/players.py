@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -30,6 +31,8 @@ __all__ = [
     "random_player",
     "trained_player",
 ]
+
+log = logging.getLogger(__name__)
 
 Act = Callable[[Batches], Mapping[str, ActionBatch]]
 """From what all agents see to what they do; called once for every step, in order."""
@@ -158,7 +161,9 @@ def check_trained_for(runner: ModelRunner, spec: PolicySpec) -> None:
     Raises:
         ConfigError: Its observations or actions are not those of ``spec``.
     """
-    if runner.model.fingerprint != spec.fingerprint():
+    if spec.was_unmasked(runner.model.fingerprint):
+        log.warning("policy %s was trained without the game's action masks", spec.name)
+    elif runner.model.fingerprint != spec.fingerprint():
         raise ConfigError(
             f"the policy {spec.name} was trained for other observations or actions than the game's",
             hint="was the game changed since? train it again",

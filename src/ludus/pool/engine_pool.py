@@ -7,6 +7,7 @@ import logging
 import secrets
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from ludus.errors import (
     UsageError,
 )
 from ludus.session import Session
-from ludus.spec import PolicySpec, Spec
+from ludus.spec import PolicySpec, Spec, spec_difference
 from ludus.spec.batch import ActionBatch, Batch, Batches, StepTimes
 from ludus.wire.requests import MetricSummary, add_metrics
 from ludus.wire.reset import Parameters, ResetAction, ResetRequest
@@ -71,6 +72,7 @@ class EnginePool:
             self._check_spec(engine)
         self._parameters: list[Mapping[str, Any] | None] = [None] * self.num_worlds
         self._policies = {policy.name: policy for policy in self._spec.policies}
+        self._unmasked: set[str] = set()
         self._last: list[Batches | None] = [None] * num_engines
         self._is_lost = [False] * num_engines
         self._is_in_flight = [False] * num_engines
@@ -105,6 +107,11 @@ class EnginePool:
     def sessions(self) -> Sequence[Session]:
         """The sessions, by engine."""
         return self._sessions
+
+    def ignore_masks(self, policy: str) -> None:
+        """Leave the action masks of ``policy`` out; see :meth:`ludus.pool.Pool.ignore_masks`."""
+        self._policies[policy] = self._policies[policy].without_mask()
+        self._unmasked.add(policy)
 
     def num_agents(self, policy: str) -> int:
         """Return the number of slots of ``policy`` over all engines."""
@@ -169,7 +176,7 @@ class EnginePool:
         self._is_in_flight[engine] = False
         if not self._is_lost[engine]:
             try:
-                batches = self._sessions[engine].receive()
+                batches = self._visible(self._sessions[engine].receive())
                 self._last[engine] = batches
                 return batches
             except _RESTARTABLE as error:
@@ -279,7 +286,8 @@ class EnginePool:
             return
         actions = np.where(own, ResetAction.NEXT_EPISODE, ResetAction.LEAVE).astype(np.uint8)
         try:
-            fresh = self._sessions[engine].reset(ResetRequest(np.zeros(len(own), "u8"), actions))
+            request = ResetRequest(np.zeros(len(own), "u8"), actions)
+            fresh = self._visible(self._sessions[engine].reset(request))
         except _RESTARTABLE as error:
             # The next step finds the engine lost, and reports all of its episodes as truncated.
             self._note_loss(engine, error)
@@ -358,7 +366,7 @@ class EnginePool:
     def _reset_engine(self, engine: int, request: ResetRequest) -> Batches:
         if not self._is_lost[engine]:
             try:
-                return self._sessions[engine].reset(request)
+                return self._visible(self._sessions[engine].reset(request))
             except _RESTARTABLE as error:
                 self._note_loss(engine, error)
         return self._revive(engine, request)
@@ -375,7 +383,8 @@ class EnginePool:
             try:
                 self._sessions[engine] = self._open_engine(engine)
                 self._check_spec(engine)
-                batches = self._sessions[engine].reset(self._revival(engine, request))
+                revival = self._revival(engine, request)
+                batches = self._visible(self._sessions[engine].reset(revival))
             except _RESTARTABLE as error:
                 self._note_loss(engine, error)
             except BaseException:
@@ -396,11 +405,22 @@ class EnginePool:
         actions = np.full(len(seeds), ResetAction.SEED, np.uint8)
         return ResetRequest(seeds, actions, self._parameters[worlds])
 
+    def _visible(self, batches: Batches) -> Batches:
+        """Return batches without the masks that are to be ignored."""
+        if not self._unmasked:
+            return batches
+        return {
+            name: replace(batch, action_mask=None) if name in self._unmasked else batch
+            for name, batch in batches.items()
+        }
+
     def _check_spec(self, engine: int) -> None:
         if self._sessions[engine].spec != self._spec:
+            difference = spec_difference(self._spec, self._sessions[engine].spec)
             self.close()
             raise ProtocolError(
-                f"engine {engine} declares other worlds or agents than engine 0 did at its start",
+                f"engine {engine} declares another game than engine 0 did at its start: "
+                f"{difference}",
                 hint="the scene must make the same agents whenever it is started",
             )
 

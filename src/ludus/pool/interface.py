@@ -35,6 +35,10 @@ class Pool(Protocol):
         """Policies by name, in wire order; their ``num_agents`` is that of one engine."""
         ...
 
+    def ignore_masks(self, policy: str) -> None:
+        """Leave the action masks of ``policy`` out of its spec and of all batches from now on."""
+        ...
+
     def num_agents(self, policy: str) -> int:
         """Return the number of slots of ``policy`` over all engines."""
         ...

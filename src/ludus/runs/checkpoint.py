@@ -35,10 +35,11 @@ from ludus.algorithms.learner import LearnerState
 from ludus.disk import disk_errors, parse_json, read_plain_file, sync_folder, write_synced
 from ludus.errors import CheckpointError, ConfigError, LudusError
 from ludus.networks.tensors import join_names, with_prefix
+from ludus.pool import Pool
 from ludus.spec import PolicySpec
 
 __all__ = ["Checkpoint", "CheckpointStore", "check_spec", "checkpoint_errors", "read_checkpoint",
-           "write_checkpoint"]  # fmt: skip
+           "resume_spec", "write_checkpoint"]  # fmt: skip
 
 FORMAT = 2
 TENSORS, REPLAY, STATE = "tensors.safetensors", "replay.safetensors", "state.json"
@@ -206,6 +207,8 @@ def check_spec(
 ) -> None:
     """Refuse a checkpoint that was trained for other observations or actions.
 
+    One from before the game had action masks passes, with a warning.
+
     Raises:
         CheckpointError: It names the policy.
     """
@@ -215,10 +218,24 @@ def check_spec(
             f"{path} has no policy {missing[0]}; it has {', '.join(fingerprints)}", hint
         )
     for name, policy in policies.items():
-        if fingerprints[name] != policy.fingerprint():
+        if policy.was_unmasked(fingerprints[name]):
+            log.warning("policy %s of %s was trained without the game's action masks", name, path)
+        elif fingerprints[name] != policy.fingerprint():
             raise CheckpointError(
                 f"{path} was trained for other observations or actions of policy {name}", hint
             )
+
+
+def resume_spec(fingerprints: Mapping[str, str], pool: Pool, path: Path) -> None:
+    """As :func:`check_spec`; a run that began without action masks goes on without them.
+
+    Raises:
+        CheckpointError: It was trained for other observations or actions.
+    """
+    check_spec(fingerprints, pool.policies, path)
+    for name, policy in pool.policies.items():
+        if policy.was_unmasked(fingerprints[name]):
+            pool.ignore_masks(name)
 
 
 class CheckpointStore:

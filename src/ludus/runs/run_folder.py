@@ -127,6 +127,11 @@ class RunFolder:
         """How training ended; absent while it goes on, and after a crash."""
         return self.path / "result.json"
 
+    @property
+    def evaluation(self) -> Path:
+        """What the evaluation after training has found."""
+        return self.path / "evaluation.json"
+
     @contextmanager
     def locked(self) -> Generator[None, None, None]:
         """Keep every other process from training in this folder.

@@ -7,6 +7,7 @@ layers over the defaults once the game has told its policies, and notes the orig
 from __future__ import annotations
 
 import dataclasses
+import json
 import logging
 import secrets
 from collections.abc import Iterable, Mapping, Sequence
@@ -32,6 +33,7 @@ __all__ = [
     "PYTHON",
     "Layer",
     "Resolved",
+    "changes_since",
     "merge",
     "python_layer",
     "resolve",
@@ -85,6 +87,18 @@ def python_layer(config: TrainConfig) -> Layer:
     Settings of single policies count as a whole: a script that gives them has chosen them all.
     """
     return Layer(PYTHON, plain_settings(changed_settings(config)))
+
+
+def changes_since(before: Mapping[str, Any], config: TrainConfig) -> dict[str, str]:
+    """Return what differs between saved settings and ``config``: ``"1 instead of 2"`` by name."""
+    saved, now = dict(_leaves(before)), dict(_leaves(to_plain(config)))
+    return {
+        name: f"{json.dumps(value)} instead of {json.dumps(saved[name])}"
+        for name, value in now.items()
+        if name.partition(".")[0] not in ALGORITHM_CONFIGS  # what a policy has of it is named
+        and name in saved
+        and saved[name] != value
+    }
 
 
 def merge(layers: Sequence[Layer]) -> TrainConfig:

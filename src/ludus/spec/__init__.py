@@ -11,6 +11,7 @@ from ludus.spec.engine_spec import (
     ObservationEntry,
     PolicySpec,
     Spec,
+    spec_difference,
 )
 
 __all__ = [
@@ -24,4 +25,5 @@ __all__ = [
     "ObservationEntry",
     "PolicySpec",
     "Spec",
+    "spec_difference",
 ]

@@ -9,9 +9,9 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -207,6 +207,14 @@ class PolicySpec:
         empty = np.zeros(0, np.float32)
         return np.concatenate([empty, *low]), np.concatenate([empty, *high])
 
+    def without_mask(self) -> PolicySpec:
+        """Return the same policy without action masks."""
+        return replace(self, has_action_mask=False)
+
+    def was_unmasked(self, fingerprint: str) -> bool:
+        """Return whether a network of ``fingerprint`` fits in all but the masks it never saw."""
+        return self.has_action_mask and fingerprint == self.without_mask().fingerprint()
+
     def fingerprint(self) -> str:
         """Return a hash of everything that a trained network depends on."""
         content = {
@@ -244,6 +252,7 @@ class Spec:
         tick_rate: Ticks per second of game time.
         policies: In wire order.
         scene: Scene that the worlds were made from, for messages.
+        warnings: What is probably wrong with the game, though it runs.
     """
 
     num_worlds: int
@@ -252,6 +261,7 @@ class Spec:
     tick_rate: float
     policies: tuple[PolicySpec, ...]
     scene: str = ""
+    warnings: tuple[str, ...] = field(default=(), compare=False)
 
     def policy(self, name: str) -> PolicySpec:
         """Return the policy called ``name``; raise ``KeyError`` if there is none."""
@@ -268,8 +278,30 @@ class Spec:
             "ticks_per_step": self.ticks_per_step,
             "tick_rate": self.tick_rate,
             "scene": self.scene,
+            **({"warnings": list(self.warnings)} if self.warnings else {}),
             "policies": [policy.to_json() for policy in self.policies],
         }
+
+
+def spec_difference(one: Spec, two: Spec) -> str:
+    """Return the first difference between two specs in words: name, its value in each."""
+    return _json_difference(one.to_json(), two.to_json(), "") or "nothing that shows in JSON"
+
+
+def _json_difference(one: Any, two: Any, name: str) -> str:
+    if isinstance(one, dict) and isinstance(two, dict):
+        first, second = cast(dict[str, Any], one), cast(dict[str, Any], two)
+        for key in [*first, *(key for key in second if key not in first)]:
+            if key != "warnings" and first.get(key) != second.get(key):
+                return _json_difference(first.get(key), second.get(key), f"{name}.{key}")
+    if isinstance(one, list) and isinstance(two, list):
+        ours, theirs = cast(list[Any], one), cast(list[Any], two)
+        if len(ours) != len(theirs):
+            return f"{name.lstrip('.')} has {len(theirs)} items instead of {len(ours)}"
+        for i, (mine, other) in enumerate(zip(ours, theirs, strict=True)):
+            if mine != other:
+                return _json_difference(mine, other, f"{name}[{i}]")
+    return "" if one == two else f"{name.lstrip('.')} is {two!r} instead of {one!r}"
 
 
 def _bound_to_json(bound: Bound) -> float | list[float] | None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import re
 import sys
-from collections.abc import Generator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -16,29 +18,32 @@ import torch
 from ludus.algorithms.learner import Learner
 from ludus.algorithms.learners import OwnParts, make_learners
 from ludus.disk import plain_file_opener
-from ludus.errors import DivergenceError, RunError, UsageError
+from ludus.engine.output import count_errors
+from ludus.errors import CheckpointError, DivergenceError, RunError, UsageError
 from ludus.play.evaluation import MAX_STEPS, Evaluation, evaluate
 from ludus.play.players import trained_player
 from ludus.pool import EnginePool, Pool, PoolConfig, open_pool
 from ludus.printing import PrintableFormatter
-from ludus.runs.checkpoint import Checkpoint, check_spec, checkpoint_errors
+from ludus.runs.checkpoint import Checkpoint, checkpoint_errors, resume_spec
 from ludus.runs.curve import draw_learning_curve
 from ludus.runs.metrics import MetricsLog
 from ludus.runs.run_folder import RunFolder
 from ludus.runs.tracking import require_trackers
-from ludus.settings.merging import Layer, Resolved, merge, python_layer, resolve
+from ludus.settings.merging import Layer, Resolved, changes_since, merge, python_layer, resolve
 from ludus.settings.train_config import TrainConfig
 from ludus.target import check_accepted, parse_target
 from ludus.training.callback import RunCallback
 from ludus.training.hooks import Hooks, Training
 from ludus.training.interrupt import Interrupts
-from ludus.training.progress import Reporter, RunResult, SilentReporter
+from ludus.training.progress import Reporter, RunResult, SilentReporter, StopReason
 from ludus.training.trainer import Trainer
 
 __all__ = ["log_file", "open_training_pool", "require_pool", "train", "write_result"]
 
 log = logging.getLogger(__name__)
 
+NUM_ERRORS = 5
+"""Errors of the game that are named at the end of training."""
 ENDLESS_STEPS = 10_000
 """Steps that the evaluation waits for episodes whose length nothing limits."""
 
@@ -79,10 +84,16 @@ def train(
     before = merge(layers)
     require_trackers(before.track)
     folder = RunFolder.find(resume) if resume else RunFolder.create(before)
+    log_sizes = _log_sizes(folder)
     try:
         with folder.locked(), _pool_for(before, pool, folder) as source, log_file(folder):
+            for warning in source.spec.warnings:
+                log.warning("%s", warning)
             resolved = resolve(layers, source.policies)
-            return _train_in(source, resolved, folder, resume is not None, parts)
+            try:
+                return _train_in(source, resolved, folder, resume is not None, parts)
+            finally:
+                _sum_up_errors(folder, log_sizes)
     except UsageError:
         if resume is None:  # what was asked for is wrong
             folder.discard_if_unused(but=[folder.engine_logs.name])
@@ -90,6 +101,21 @@ def train(
     finally:
         if resume is None:
             folder.discard_if_unused()
+
+
+def _log_sizes(folder: RunFolder) -> dict[Path, int]:
+    return {path: path.stat().st_size for path in folder.engine_logs.glob("*.log")}
+
+
+def _sum_up_errors(folder: RunFolder, sizes: Mapping[Path, int]) -> None:
+    """Say how often the games printed each error, which nobody would look for in their logs."""
+    counts = Counter[str]()
+    for path in sorted(folder.engine_logs.glob("*.log")):
+        counts.update(count_errors(path, sizes.get(path, 0)))
+    for error, count in counts.most_common(NUM_ERRORS):
+        log.warning("the game printed %d × %s", count, error)
+    if counts:
+        log.warning("all that it printed is in %s", folder.engine_logs)
 
 
 @dataclass(frozen=True)
@@ -111,19 +137,12 @@ def _train_in(
         learners = make_learners(config, pool, parts.own)
         return Trainer(config, pool, learners, folder), learners
 
-    def take(path: Path, checkpoint: Checkpoint) -> tuple[Trainer, dict[str, Learner]]:
-        check_spec(checkpoint.fingerprints, pool.policies, path)
-        made = make_trainer()
-        with checkpoint_errors(path):
-            made[0].resume(checkpoint)
-        log.info("resumed from %s", path)
-        return made
-
     if is_resumed:
-        store = folder.checkpoints(config.keep_checkpoints)
-        store.clean()
-        trainer, learners = store.resume(take)
-        MetricsLog.forget_after(folder.metrics, trainer.agent_steps)
+        trainer, learners = _resume(make_trainer, pool, config, folder)
+        reason = trainer.reason_to_stop()
+        if reason is not None and folder.evaluation.exists():
+            _name_limit(reason, config, folder)
+            return _result(trainer, folder, reason)
     else:
         trainer, learners = make_trainer()
     folder.write_config(config, resolved.origins)
@@ -150,15 +169,80 @@ def _train_in(
         reporter.evaluating(config.evaluation_episodes)
         evaluation = _evaluate(learners, pool, config, folder)
         write_result(trainer, folder, stop_reason, evaluation)
+    return _result(trainer, folder, stop_reason, signum=interrupts.signum, evaluation=evaluation)
+
+
+def _resume(
+    make_trainer: Callable[[], tuple[Trainer, dict[str, Learner]]],
+    pool: Pool,
+    config: TrainConfig,
+    folder: RunFolder,
+) -> tuple[Trainer, dict[str, Learner]]:
+    """Return trainer and learners as of the run's newest checkpoint that can be loaded.
+
+    Raises:
+        CheckpointError: There is none that fits.
+    """
+
+    def take(path: Path, checkpoint: Checkpoint) -> tuple[Trainer, dict[str, Learner]]:
+        resume_spec(checkpoint.fingerprints, pool, path)
+        changes = changes_since(checkpoint.config, config)
+        texts = [f"{name} is {change}" for name, change in changes.items()]
+        _refuse_other_algorithms(texts, path)
+        made = make_trainer()
+        try:
+            with checkpoint_errors(path):
+                made[0].resume(checkpoint)
+        except CheckpointError as error:
+            own = [text for text in texts if text.startswith("policies.")]
+            raise error if not own else _misfit(path, own) from error
+        log.info("resumed from %s", path)
+        if texts:
+            log.warning("%s goes on with other settings: %s", folder.path, "; ".join(texts))
+        return made
+
+    store = folder.checkpoints(config.keep_checkpoints)
+    store.clean()
+    trainer, learners = store.resume(take)
+    MetricsLog.forget_after(folder.metrics, trainer.agent_steps)
+    return trainer, learners
+
+
+def _name_limit(reason: StopReason, config: TrainConfig, folder: RunFolder) -> None:
+    """Say why a run that was to go on has nothing left to do."""
+    setting = "max_time_s" if reason == "max_time" else reason
+    log.warning(
+        "%s has reached its %s of %g: there is nothing left to train; raise it with --%s",
+        folder.path, setting, getattr(config, setting), setting.replace("_", "-"),
+    )  # fmt: skip
+
+
+def _result(
+    trainer: Trainer, folder: RunFolder, stop_reason: StopReason, *,
+    signum: int | None = None, evaluation: Mapping[str, Evaluation] | None = None,
+) -> RunResult:  # fmt: skip
     return RunResult(
         path=folder.path,
         stop_reason=stop_reason,
-        signum=interrupts.signum,
+        signum=signum,
         agent_steps=trainer.agent_steps,
         updates=trainer.updates,
         wall_s=trainer.wall_s,
         mean_return=trainer.mean_returns(),
-        evaluation=evaluation,
+        evaluation=dict(evaluation or {}),
+    )
+
+
+def _refuse_other_algorithms(changes: Sequence[str], path: Path) -> None:
+    algorithms = [text for text in changes if re.match(r"policies\..*\.algorithm is ", text)]
+    if algorithms:
+        raise _misfit(path, algorithms)
+
+
+def _misfit(path: Path, changes: Sequence[str]) -> CheckpointError:
+    return CheckpointError(
+        f"{path} does not fit the settings: {'; '.join(changes)}",
+        "leave out those that change the network, or start a new run",
     )
 
 
@@ -212,7 +296,7 @@ def _evaluate(
         # The run itself is whole; an agent that has learned to survive may play for ever.
         log.warning("no evaluation: %s; %s", error.message, error.hint)
         return {}
-    folder.write_json("evaluation.json", {name: asdict(of) for name, of in evaluation.items()})
+    folder.write_json(folder.evaluation.name, {name: asdict(of) for name, of in evaluation.items()})
     return evaluation
 
 

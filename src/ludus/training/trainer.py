@@ -210,7 +210,7 @@ class Trainer:
         callback: TrainerCallback,
         metrics: MetricsLog,
     ) -> StopReason:
-        while (reason := self._reason_to_stop()) is None:
+        while (reason := self.reason_to_stop()) is None:
             start, steps_before = time.perf_counter(), self.agent_steps
             times = replace(self._collector.times)
             interruption = self._collect(is_stopping, callback)
@@ -320,7 +320,8 @@ class Trainer:
             learning = (name for name, slot in self._slots.items() if slot.mode == "train")
             self._league.learning = frozenset(learning)
 
-    def _reason_to_stop(self) -> StopReason | None:
+    def reason_to_stop(self) -> StopReason | None:
+        """Return which limit of the settings is reached, None if there is more to train."""
         config = self.config
         if self.agent_steps >= config.total_steps:
             return "total_steps"

@@ -204,6 +204,11 @@ def _check_match(checkpoint: Checkpoint, config: TrainConfig, pool: Pool, path: 
         CheckpointError: The text names what differs.
     """
     ours = {name: policy.fingerprint() for name, policy in pool.policies.items()}
+    if ours.keys() == checkpoint.fingerprints.keys():
+        for name, policy in pool.policies.items():
+            if policy.was_unmasked(checkpoint.fingerprints[name]):
+                pool.ignore_masks(name)
+                ours[name] = checkpoint.fingerprints[name]
     for name in sorted(ours.keys() | checkpoint.fingerprints.keys()):
         if ours.get(name) != checkpoint.fingerprints.get(name):
             raise CheckpointError(f"in {path} policy {name} has other observations or actions")
