@@ -92,6 +92,15 @@ func test_a_mask_without_its_method() -> void:
 	_check_warnings(agent, ["get_action_mask()"])
 
 
+func test_a_mask_is_found_by_its_method() -> void:
+	var agent := _agent(
+		_script(GAME + "func get_action_mask() -> Array: return PackedByteArray([1, 0])")
+	)
+	equal(agent.connect_to_game(), "", "connect_to_game")
+	check(agent.has_action_mask, "has_action_mask")
+	_check_warnings(agent, [])
+
+
 func test_agents_that_come_and_go_leave_nothing_behind() -> void:
 	var root := Node.new()
 	add(root)

@@ -94,7 +94,7 @@ func test_an_observation_that_does_not_fit() -> void:
 		"PackedFloat32Array of 2": PackedFloat32Array([1, 2]),
 		"PackedFloat32Array of 0": PackedFloat32Array(),
 		"Array of 4": [1, 2, 3, 4],
-		"Nil": null,
+		"nothing (null): does it lack a `return`?": null,
 		"String": "text",
 	}
 	for found: String in expectations:
@@ -106,7 +106,10 @@ func test_an_observation_that_does_not_fit() -> void:
 		var frame := PackedByteArray()
 		batch.append_to(frame)
 		var expected := (
-			'world 0, agent ., step 1: observation["observation"]: expected 3 numbers, got %s'
+			(
+				"world 0, agent . (res://tests/stub_agent.gd), step 1: "
+				+ 'observation["observation"]: expected 3 numbers, got %s'
+			)
 			% found
 		)
 		equal(batch.error, expected, found)
@@ -120,7 +123,7 @@ func test_a_missing_entry_is_named() -> void:
 	var batch := _batch([agent])
 	batch.active.fill(1)
 	batch.append_to(PackedByteArray())
-	check('observation["rays"]: expected 2 numbers, got Nil' in batch.error, batch.error)
+	check('observation["rays"]: expected 2 numbers, got nothing' in batch.error, batch.error)
 
 
 func test_the_first_mistake_is_kept() -> void:

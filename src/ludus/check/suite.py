@@ -9,7 +9,7 @@ from typing import Any
 from ludus.check.actions import check_actions
 from ludus.check.context import CheckConfig, CheckContext, OneEngineOnly
 from ludus.check.determinism import check_determinism
-from ludus.check.finding import Finding, Status, fail, info
+from ludus.check.finding import Finding, Status, fail, info, ok, warn
 from ludus.check.frame_rules import check_frame_rules
 from ludus.check.gymnasium_env import check_gymnasium
 from ludus.check.layouts import check_layouts
@@ -25,7 +25,15 @@ __all__ = ["CHECKS", "CheckReport", "run_checks"]
 
 Check = Callable[[CheckContext], Iterable[Finding]]
 
+
+def check_scripts(context: CheckContext) -> list[Finding]:
+    """Pass on what the engine doubts about the game's scripts."""
+    title = "no mistake is seen in the game's scripts"
+    return [warn("the game's scripts", text) for text in context.spec.warnings] or [ok(title)]
+
+
 CHECKS: dict[str, Check] = {
+    "scripts": check_scripts,
     "timing": check_timing,
     "frames": check_frame_rules,
     "seeds": check_seeds,

@@ -31,6 +31,7 @@ __all__ = ["read_spec"]
 MAX_AGENTS = 65_536
 MAX_POLICIES = 64
 MAX_ENTRIES = 64
+MAX_WARNINGS = 256
 MAX_DIMENSIONS = 8
 MAX_NAME_LENGTH = 128
 MAX_ENTRY_ELEMENTS = 1 << 26
@@ -59,6 +60,7 @@ def read_spec(value: Any) -> Spec:
         tick_rate=tick_rate,
         policies=policies,
         scene=printable(reader.text("scene", default="")),
+        warnings=_warnings(reader),
     )
     num_bytes = max_batch_bytes(spec)
     if num_bytes > MAX_BINARY_BYTES:
@@ -67,6 +69,13 @@ def read_spec(value: Any) -> Spec:
             hint="use fewer worlds or agents, or smaller observations",
         )
     return spec
+
+
+def _warnings(reader: JsonObject) -> tuple[str, ...]:
+    texts = reader.items("warnings") if "warnings" in reader.names() else []
+    if len(texts) > MAX_WARNINGS or not all(isinstance(text, str) for text in texts):
+        raise reader.unexpected("warnings", f"up to {MAX_WARNINGS} texts", texts)
+    return tuple(printable(text) for text in texts)
 
 
 def _policy(reader: JsonObject, num_worlds: int) -> PolicySpec:

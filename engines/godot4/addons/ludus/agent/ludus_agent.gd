@@ -7,9 +7,10 @@ extends Node
 ## Put it under the node that has the five methods [code]apply_action(action)[/code],
 ## [code]get_observation()[/code], [code]get_reward()[/code], [code]is_done()[/code] and
 ## [code]reset()[/code] (or point [member target_path] at it); or extend this script and write the
-## methods there. Optional methods: [code]get_action_mask() -> PackedByteArray[/code],
-## [code]is_truncated() -> bool[/code], and [code]get_manual_action()[/code], which lets a person
-## play while no trainer is there.[br][br]
+## methods there. Optional methods, used where they are: [code]get_action_mask() ->
+## PackedByteArray[/code], one byte per alternative, 1 = allowed; [code]is_truncated() ->
+## bool[/code]; and [code]get_manual_action()[/code], which lets a person play while no trainer is
+## there.[br][br]
 ## An action arrives as an [int] (one choice), a [PackedInt64Array] (several choices), a
 ## [PackedFloat32Array] (numbers), or a dictionary of component name to [int] or
 ## [PackedFloat32Array] (both kinds). An observation is a flat array of numbers, or a dictionary of
@@ -23,6 +24,7 @@ enum ActionTiming {
 
 const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
 const LudusRoster := preload("res://addons/ludus/agent/roster.gd")
+const LudusScriptReview := preload("res://addons/ludus/agent/script_review.gd")
 
 const GROUP_NAME := &"ludus_agents"
 const REQUIRED_METHODS: Array[StringName] = [
@@ -55,7 +57,7 @@ const REQUIRED_METHODS: Array[StringName] = [
 @export var action_timing: ActionTiming = ActionTiming.EVERY_TICK
 ## Steps after which an episode is cut off (truncated); 0: never.
 @export_range(0, 1000000, 1, "or_greater") var max_episode_steps: int = 0
-## Whether the game has [code]get_action_mask()[/code], one byte per alternative, 1 = allowed.
+## Whether the game must have [code]get_action_mask()[/code]. The method is used in any case.
 @export var has_action_mask: bool = false:
 	set(value):
 		has_action_mask = value
@@ -109,13 +111,21 @@ func connect_to_game() -> String:
 		return "target_path %s leads nowhere" % target_path
 	for method: StringName in REQUIRED_METHODS:
 		if not target.has_method(method):
-			return "%s has no method %s()" % [_describe(target), method]
+			return "%s has no method %s()%s" % [_describe(target), method, _guess(target, method)]
 	if has_action_mask and not target.has_method(&"get_action_mask"):
 		return "has_action_mask is on, but %s has no method get_action_mask()" % _describe(target)
 	if action.is_empty():
 		return "no action is declared: add a LudusActionComponent to `action`"
+	has_action_mask = has_mask()
 	world = LudusWorld.of(self)
-	return ""
+	return LudusScriptReview.find_await(target.get_script())
+
+
+## Whether actions are masked: the game has [code]get_action_mask()[/code]. Agents of a
+## [LudusSimulation] are told by it.
+func has_mask() -> bool:
+	var node := _find_target() as Node
+	return has_action_mask or (node != null and _knows(node.get_script(), &"get_action_mask"))
 
 
 ## Tells the agent which batch counts its steps.
@@ -123,6 +133,11 @@ func join_batch(batch: LudusPolicyBatch, slot: int) -> void:
 	_batch = batch
 	_slot = slot
 	LudusRoster.newcomers.erase(self)
+
+
+## What is probably wrong with the game, though it can be played.
+func doubts() -> PackedStringArray:
+	return LudusScriptReview.misspelt_methods(target.get_script())
 
 
 ## Whether the agent is about to leave the scene.
@@ -166,6 +181,17 @@ func _find_target() -> Object:
 	return get_parent() if target_path.is_empty() else get_node_or_null(target_path)
 
 
+static func _knows(script: Script, method: StringName) -> bool:
+	return script != null and method in LudusScriptReview.methods_of(script)
+
+
+## A method that is probably [param method] misspelt, in words.
+static func _guess(node: Object, method: StringName) -> String:
+	var script: Script = node.get_script()
+	var found := LudusScriptReview.find_misspelt(script, method) if script != null else &""
+	return "" if found.is_empty() else "; did you mean that by %s()?" % found
+
+
 func _describe(node: Object) -> String:
 	var script: Script = node.get_script()
 	return "%s (%s)" % [node.name, script.resource_path if script != null else node.get_class()]
@@ -196,13 +222,11 @@ func _get_configuration_warnings() -> PackedStringArray:
 
 
 func _method_warnings(script: Script) -> PackedStringArray:
-	var names: Array[StringName] = []
-	var base := script
-	while base != null:
-		for method: Dictionary in base.get_script_method_list():
-			names.append(StringName(str(method["name"])))
-		base = base.get_base_script()
-	var warnings := PackedStringArray()
+	var names := LudusScriptReview.methods_of(script)
+	var warnings := LudusScriptReview.misspelt_methods(script)
+	var wait := LudusScriptReview.find_await(script)
+	if not wait.is_empty():
+		warnings.append(wait)
 	for method: StringName in REQUIRED_METHODS:
 		if method not in names:
 			warnings.append("The target has no method %s()." % method)

@@ -6,6 +6,7 @@ extends RefCounted
 
 const LudusLostTarget := preload("res://addons/ludus/agent/lost_target.gd")
 const LudusPolicyLayout := preload("res://addons/ludus/agent/policy_layout.gd")
+const LudusScriptReview := preload("res://addons/ludus/agent/script_review.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
 ## Name of the policy.
@@ -312,10 +313,12 @@ func _ask_outcomes() -> void:
 		if active[slot] == 0:
 			continue
 		var target := _targets[slot]
-		_rewards[slot] = target.get_reward()
-		if target.is_done():
+		var reward_value: Variant = target.get_reward()
+		_rewards[slot] = reward_value if reward_value is float else _to_number(slot, reward_value)
+		var is_done: Variant = target.is_done()
+		if is_done if is_done is bool else _to_flag(slot, "is_done()", is_done):
 			_terminated[slot] = 1
-		elif has_truncation and target.is_truncated():
+		elif has_truncation and _is_cut(slot):
 			_truncated[slot] = 1
 
 
@@ -396,18 +399,37 @@ func _entry_bytes(slot: int, entry: LudusObservationEntry, value: Variant) -> Pa
 	return bytes
 
 
+func _is_cut(slot: int) -> bool:
+	var value: Variant = _targets[slot].is_truncated()
+	return value if value is bool else _to_flag(slot, "is_truncated()", value)
+
+
+func _to_number(slot: int, value: Variant) -> float:
+	if typeof(value) in [TYPE_INT, TYPE_BOOL]:
+		return float(value)
+	_fail(slot, "get_reward()", "a number", value)
+	return 0.0
+
+
+func _to_flag(slot: int, what: String, value: Variant) -> bool:
+	if typeof(value) in [TYPE_INT, TYPE_FLOAT]:
+		return bool(value)
+	_fail(slot, what, "true or false", value)
+	return false
+
+
 func _fail(slot: int, what: String, expected: String, got: Variant) -> void:
-	if not error.is_empty():
-		return
-	var found := type_string(typeof(got))
-	if typeof(got) >= TYPE_ARRAY:
-		found += " of %d" % len(got)
-	error = "%s: %s: expected %s, got %s" % [_where(slot), what, expected, found]
+	if error.is_empty():
+		var found := LudusScriptReview.describe_value(got)
+		error = "%s: %s: expected %s, got %s" % [_where(slot), what, expected, found]
 
 
 func _where(slot: int) -> String:
 	var agent := agents[slot]
 	if agent == null:
 		return "policy %s, slot %d" % [policy_name, slot]
-	var step := episode_steps(slot)
-	return "world %d, agent %s, step %d" % [_slot_worlds[slot], agent.path_in_world(), step]
+	var script := LudusScriptReview.place_of(_targets[slot])
+	return (
+		"world %d, agent %s%s, step %d"
+		% [_slot_worlds[slot], agent.path_in_world(), script, episode_steps(slot)]
+	)

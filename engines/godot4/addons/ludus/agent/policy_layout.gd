@@ -1,6 +1,7 @@
 extends RefCounted
 ## What all agents of a policy have in common: entries, action components, limits, sizes.
 
+const LudusScriptReview := preload("res://addons/ludus/agent/script_review.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
 ## More alternatives are not counted.
@@ -195,7 +196,11 @@ func _infer_entries(first: LudusAgent) -> Array[LudusObservationEntry]:
 		if entry == null or entry.size() == 0:
 			error = (
 				'agent %s: get_observation() returned no numbers for entry "%s", but %s'
-				% [first.path_in_world(), key, type_string(typeof(value[key]))]
+				% [
+					first.path_in_world() + LudusScriptReview.place_of(first.target),
+					key,
+					LudusScriptReview.describe_value(value[key])
+				]
 			)
 			return []
 		inferred.append(entry)

@@ -104,8 +104,8 @@ func misfit(agent: LudusAgent) -> String:
 		if not problem.is_empty():
 			return problem
 		next_number += size
-	if read.has_action_mask and not agent.has_action_mask:
-		return "the policy was trained with has_action_mask, the agent has it switched off"
+	if read.has_action_mask and not agent.has_mask():
+		return "the policy was trained with get_action_mask(), which the game lacks"
 	return ""
 
 

@@ -5,6 +5,7 @@ const LudusCameras := preload("res://addons/ludus/cameras/cameras.gd")
 const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
 const LudusSimulationBatch := preload("res://addons/ludus/simulation/simulation_batch.gd")
 const LudusRoster := preload("res://addons/ludus/agent/roster.gd")
+const LudusScriptReview := preload("res://addons/ludus/agent/script_review.gd")
 const LudusStage := preload("res://addons/ludus/world/stage.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
@@ -66,13 +67,17 @@ func to_json() -> Dictionary:
 	var parts: Array[Dictionary] = []
 	for policy: LudusPolicyBatch in policies:
 		parts.append(policy.to_json(_slots_per_world[policy.policy_name]))
-	return {
+	var description := {
 		"num_worlds": _stage.worlds.size(),
 		"layout": "grid" if _stage.layout == LudusWorld.Layout.GRID else "isolated",
 		"ticks_per_step": ticks_per_step,
 		"tick_rate": float(Engine.physics_ticks_per_second),
 		"policies": parts,
 	}
+	var warnings := _doubts()
+	if not warnings.is_empty():
+		description["warnings"] = Array(warnings)
+	return description
 
 
 ## Begins episodes as a [code]RESET[/code] asks (see [method LudusWire.read_reset]). When all
@@ -233,6 +238,17 @@ func _agents_of(world: LudusWorld) -> Dictionary:
 			for i: int in world.spare_slots[name]:
 				by_policy[name].append(null)
 	return by_policy
+
+
+## What is probably wrong with the game's scripts; the trainer passes it on.
+func _doubts() -> PackedStringArray:
+	var found := LudusScriptReview.scene_changes(_stage.worlds[0].root)
+	for policy: LudusPolicyBatch in policies:
+		if policy.agents[0] != null:
+			for doubt: String in policy.agents[0].doubts():
+				if doubt not in found:
+					found.append(doubt)
+	return found
 
 
 func _choose_ticks(ticks_override: int) -> void:

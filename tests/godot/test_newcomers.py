@@ -1,0 +1,194 @@
+"""What newcomers run into, on real Godot 4: it works, or an error names cause and remedy."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import ludus
+from ludus.check import CheckConfig, CheckContext, Status
+from ludus.check.suite import check_scripts
+from ludus.settings.train_config import PPOConfig, TrainConfig
+from ludus.training.loop import train
+from tests.godot_project import AGENT_SCENE, write_project
+
+pytestmark = pytest.mark.engine
+
+GAME = """\
+extends {root}
+var x := 0.0
+
+func apply_action(action: int) -> void:
+	x = float(action)
+
+func get_observation() -> PackedFloat32Array:
+	return PackedFloat32Array([x])
+
+func get_reward():
+	return x
+
+func is_done():
+	return false
+
+func reset() -> void:
+	x = 0.0
+"""
+MASK = """
+func get_action_mask() -> PackedByteArray:
+	return PackedByteArray([1, 0])
+"""
+
+MakeGame = Callable[..., Path]
+
+
+@pytest.fixture
+def make_game(tmp_path: Path) -> MakeGame:
+    """Write a game whose script is :data:`GAME` with replacements and additions."""
+
+    def make(more: str = "", root: str = "Node", **replaced: str) -> Path:
+        script = GAME.format(root=root)
+        for old, new in replaced.items():
+            assert f"func {old}(" in script
+            script = script.replace(f"func {old}(", new + f"\n\nfunc _unused_{old}(")
+        scene = AGENT_SCENE["godot4"].format(script="game", root=root)
+        scene = scene.replace("action = ", "max_episode_steps = 8\naction = ")
+        files = {"game.gd": script + more, "game.tscn": scene}
+        return write_project(tmp_path / "game", files, main="game")
+
+    return make
+
+
+def short_training(game: Path, runs: Path) -> TrainConfig:
+    return TrainConfig(
+        target=str(game), num_worlds=2, num_engines=1, total_steps=64, seed=7, runs=runs,
+        name="run", evaluation_episodes=0, ppo=PPOConfig(rollout_steps=8, hidden_sizes=(8,)),
+    )  # fmt: skip
+
+
+def test_an_action_mask_is_found_by_itself(make_game: MakeGame) -> None:
+    with contextlib.closing(ludus.make_vec(str(make_game(MASK)), num_worlds=2)) as env:
+        _, infos = env.reset(seed=1)
+        assert infos["action_mask"].tolist() == [[True, False]] * 2
+
+
+def test_a_run_that_began_without_masks_goes_on_and_plays(
+    make_game: MakeGame, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    config = short_training(make_game(), tmp_path / "runs")
+    run = train(config)
+    make_game(MASK)
+    with caplog.at_level(logging.WARNING, "ludus"):
+        resumed = train(replace(config, total_steps=128), resume=run.path)
+    assert resumed.agent_steps == 128
+    assert caplog.text.count("was trained without the game's action masks") == 1
+    played = ludus.evaluate(run.path, episodes=2)
+    # The mask forbids the action that gives a reward.
+    assert played["agent"].mean_return == 0.0
+
+
+WRONG_METHODS = {
+    "no return": (
+        "get_reward",
+        "func get_reward():\n\tpass",
+        "get_reward(): expected a number, got nothing",
+    ),
+    "a text": (
+        "get_reward",
+        'func get_reward():\n\treturn "1"',
+        "get_reward(): expected a number, got String",
+    ),
+    "no flag": (
+        "is_done",
+        "func is_done():\n\tpass",
+        "is_done(): expected true or false, got nothing",
+    ),
+    "a vector": (
+        "is_done",
+        "func is_done():\n\treturn Vector2.ZERO",
+        "is_done(): expected true or false, got Vector2",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WRONG_METHODS)
+def test_a_wrong_type_names_script_and_method(make_game: MakeGame, case: str) -> None:
+    method, code, message = WRONG_METHODS[case]
+    with contextlib.closing(ludus.make(str(make_game(**{method: code})))) as env:
+        env.reset(seed=1)
+        with pytest.raises(
+            ludus.LudusError, match=re.escape(f"(res://game.gd), step 1: {message}")
+        ):
+            env.step(0)
+
+
+def test_a_reset_that_waits_is_refused(make_game: MakeGame) -> None:
+    waits = "func reset() -> void:\n\tx = 0.0\n\tawait get_tree().process_frame"
+    with pytest.raises(ludus.LudusError, match=r"res://game.gd:\d+: reset\(\) must not wait"):
+        ludus.make(str(make_game(reset=waits)))
+
+
+def test_a_misspelt_method_is_guessed(make_game: MakeGame) -> None:
+    script = make_game()
+    (script / "game.gd").write_text((script / "game.gd").read_text().replace("reset()", "resets()"))
+    with pytest.raises(ludus.LudusError, match=r"no method reset\(\); did you mean that by resets"):
+        ludus.make(str(script))
+
+
+@pytest.mark.parametrize(
+    ("code", "warning"),
+    [
+        (
+            "func is_truncate():\n\treturn false\n",
+            "is_truncate() is never called; did you mean is_truncated()?",
+        ),
+        ("func get_action_masks():\n\treturn []\n", "did you mean get_action_mask()?"),
+        (
+            "func die():\n\tget_tree().reload_current_scene()\n",
+            "reload_current_scene() does nothing",
+        ),
+        (
+            'func die():\n\tget_tree().change_scene_to_file("res://a.tscn")\n',
+            "change_scene_to_file() does nothing",
+        ),
+    ],
+)
+def test_doubts_about_scripts_are_told_by_check_and_training(
+    make_game: MakeGame, tmp_path: Path, caplog: pytest.LogCaptureFixture, code: str, warning: str
+) -> None:
+    game = make_game(f"\n{code}")
+    with CheckContext(CheckConfig(target=game, num_worlds=1, num_steps=5)) as context:
+        (found,) = check_scripts(context)
+    assert (found.status, warning in found.detail) == (Status.WARN, True), found
+    assert "res://game.gd" in found.detail
+    with caplog.at_level(logging.WARNING, "ludus"):
+        train(short_training(game, tmp_path / "runs"))
+    assert warning in caplog.text
+
+
+def test_repeated_errors_of_the_game_are_summed_up(
+    make_game: MakeGame, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    fails = "func is_done():\n\tget_tree().reload_current_scene()\n\treturn false"
+    with caplog.at_level(logging.WARNING, "ludus"):
+        train(short_training(make_game(is_done=fails), tmp_path / "runs"))
+    found = re.search(r"the game printed (\d+) × (.*)", caplog.text)
+    assert found is not None, caplog.text
+    assert int(found[1]) == 64, found
+    assert 'Parameter "current_scene" is null' in found[2]
+    assert "(res://game.gd:" in found[2]
+
+
+def test_engines_that_declare_other_games_say_what_differs(make_game: MakeGame) -> None:
+    odd = (
+        "func get_observation():\n\tvar seen := PackedFloat32Array([x])\n"
+        "\tseen.resize(1 + mini(LudusWorld.of(self).index, 1))\n\treturn seen"
+    )
+    game = make_game(get_observation=odd)
+    with pytest.raises(ludus.LudusError, match=r"shape\[0\] is 2 instead of 1"):
+        ludus.make_vec(str(game), num_worlds=1, num_engines=2)
