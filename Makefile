@@ -174,6 +174,7 @@ bevy-examples: cargo
 
 # Warnings, links and anchors that lead nowhere among them, are errors.
 docs: setup .venv/.docs-ready
+	@rm -rf build/docs
 	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet --builder html docs build/docs
 	@echo "build/docs/index.html"
 

@@ -1,12 +1,14 @@
 """Reference pages that are made from the code whenever the site is built.
 
-Commands come from their own ``--help``, and GDScript classes from Godot's ``--doctool``, so that
-neither can say anything else than the code.
+Commands come from their own ``--help``, GDScript classes from Godot's ``--doctool`` and error
+messages from the lines that raise them, so that none can differ from the code.
 """
 
 from __future__ import annotations
 
+import ast
 import contextlib
+import inspect
 import io
 import os
 import re
@@ -17,10 +19,12 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import ludus.errors
 from ludus.cli.main import COMMANDS, main
 from ludus.engine import EngineKind, find_engine
 
 ADDON = Path(__file__).parents[1] / "engines" / "godot4"
+SOURCE = Path(ludus.errors.__file__).parent
 
 
 def write_command_pages(folder: Path) -> None:
@@ -35,7 +39,7 @@ def write_command_pages(folder: Path) -> None:
 
 
 def write_gdscript_pages(folder: Path) -> None:
-    """Write one page for each global class of the Godot 4 add-on.
+    """Write one page for each global class of the Godot 4 add-on that a game of today uses.
 
     Raises:
         EngineNotFound: There is no Godot 4.
@@ -52,8 +56,70 @@ def write_gdscript_pages(folder: Path) -> None:
         _run([*godot, "--doctool", str(xml), "--no-docbase", "--gdscript-docs", "res://addons"])
         _run([str(Path(sys.executable).with_name("c3-godot-docs-gen")), str(xml), str(pages)])
         written = {page.name: page.read_text("utf-8") for page in pages.glob("Ludus*.md")}
+    # What plays games written for godot-ai; they use godot-ai's names instead.
+    written = {name: text for name, text in written.items() if not name.startswith("LudusClassic")}
+    written = {name: _without_preloads(text) for name, text in written.items()}
     for name, text in written.items():
         (folder / name).write_text(_site_links(text, set(written)), encoding="utf-8")
+
+
+def write_error_pages(folder: Path) -> None:
+    """Write one page that lists every message of every error, with its hint."""
+    _make_empty(folder)
+    page = [
+        "# Error messages",
+        "",
+        "The messages that Ludus raises, by the class of the error. Words in capitals stand for",
+        "what is inserted, `…` for what is computed.",
+    ]
+    messages = _messages()
+    for name in ludus.errors.__all__:
+        error = getattr(ludus.errors, name)
+        if not inspect.isclass(error) or not messages.get(name):
+            continue
+        summary = inspect.cleandoc(error.__doc__ or "").splitlines()[0]
+        page += ["", f"## {name}", "", f"{summary} The command exits with {error.exit_code}.", ""]
+        for message, hint in sorted(messages[name].items()):
+            page += [f"- {_code(message)}", *([f"  <br>Hint: {_code(hint)}"] if hint else [])]
+    (folder / "messages.md").write_text("\n".join(page) + "\n", encoding="utf-8")
+
+
+def _messages() -> dict[str, dict[str, str]]:
+    """Return ``{class: {message: hint}}``, read from the calls in the source."""
+    found: dict[str, dict[str, str]] = {}
+    for file in sorted(SOURCE.rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.args:
+                named = [keyword.value for keyword in node.keywords if keyword.arg == "hint"]
+                message = _template(node.args[0])
+                hint = "".join(_template(value) for value in [*node.args[1:2], *named][:1])
+                if message.strip("…"):
+                    found.setdefault(node.func.id, {})[message] = hint.strip("…")
+    return found
+
+
+def _template(value: ast.expr) -> str:
+    """Return the text that an expression makes, with a word or ``…`` where it inserts something."""
+    match value:
+        case ast.Constant(value=str(text)):
+            return text
+        case ast.JoinedStr(values=parts):
+            return "".join(map(_template, parts))
+        case ast.BinOp(left=left, op=ast.Add(), right=right):
+            return _template(left) + _template(right)
+        case ast.FormattedValue(value=ast.Name(id=name) | ast.Attribute(attr=name)):
+            return name.strip("_").upper()
+    return "…"
+
+
+def _code(text: str) -> str:
+    return "`` " + " ".join(text.split()) + " ``"
+
+
+def _without_preloads(page: str) -> str:
+    """Leave out constants that hold a preloaded script."""
+    page = re.sub(r"<a id=\"constant-\w+\"></a>\n\n\*\*<code>\w+ = &lt;Object&gt;.*\n\n?", "", page)
+    return re.sub(r"^## Constants\n\n(?=## |\Z)", "", page, flags=re.MULTILINE)
 
 
 def _site_links(page: str, pages: set[str]) -> str:
@@ -73,6 +139,11 @@ def _site_links(page: str, pages: set[str]) -> str:
         return f'<a href="{file.replace(".md", ".html")}{anchor}">{shown}</a>'
 
     page = re.sub(r"\[([^\[\]]*)\]\(([\w.]*)(#[\w-]+)?\)", link, page)
+    page = re.sub(
+        r'<a href="(\w+\.md)">([^<]*)</a>',
+        lambda found: found[0] if found[1] in pages else found[2],
+        page,
+    )
     return re.sub(r'href="([\w]+)\.md', r'href="\1.html', page)
 
 

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shutil
 import sys
 from pathlib import Path
 
 from sphinx.application import Sphinx
+from sphinx.util import logging
 
 from ludus.version import __version__
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 
-from _reference import write_command_pages, write_gdscript_pages  # noqa: E402
+from _links import broken_links  # noqa: E402
+from _reference import write_command_pages, write_error_pages, write_gdscript_pages  # noqa: E402
 
 project = "Ludus"
 author = "the Ludus developers"
@@ -31,8 +35,16 @@ html_css_files = ["ludus.css"]
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3
 
+# Attributes that a docstring lists stay one description, beside those of the members.
+napoleon_use_ivar = True
 autodoc_member_order = "bysource"
 autodoc_default_options = {"members": True, "show-inheritance": True}
+# Packages of other libraries, which `make docs` does not install.
+autodoc_mock_imports = ["pettingzoo", "ray", "stable_baselines3"]
+
+# What `make lint` writes when there is Cargo; the page about Rust links to it.
+RUSTDOC = Path(os.environ.get("CARGO_TARGET_DIR", HERE.parent / "engines/bevy/target")) / "doc"
+RUST_CRATES = ("bevy_ludus", "bevy_ludus_rest")
 
 OUTSIDE = {
     "protocol": "protocol/PROTOCOL.md",
@@ -69,6 +81,10 @@ def _read_page(_app: Sphinx, page: str, source: list[str]) -> None:
     if folder != HERE or "](../" in source[0]:
         source[0] = re.sub(r"\[([^\]]*)\]\(([\w./-]+)(#[\w-]+)?\)", lead, source[0])
     source[0] = re.sub(r"^```rust,\w+$", "```rust", source[0], flags=re.MULTILINE)
+    if page == "reference/rust" and _has_rustdoc():
+        source[0] += "\nThis site holds it, too: " + " and ".join(
+            f'<a href="../rust/{crate}/index.html">{crate}</a>' for crate in RUST_CRATES
+        )
     if page == "index":
         source[0] += _navigation(source[0])
 
@@ -89,10 +105,30 @@ def _navigation(front_page: str) -> str:
 
 def _generate(_app: Sphinx) -> None:
     write_command_pages(HERE / "reference" / "commands")
+    write_error_pages(HERE / "reference" / "errors")
     write_gdscript_pages(HERE / "reference" / "gdscript")
+
+
+def _has_rustdoc() -> bool:
+    return all((RUSTDOC / crate / "index.html").exists() for crate in RUST_CRATES)
+
+
+def _add_rustdoc(app: Sphinx, error: Exception | None) -> None:
+    """Copy what Cargo wrote into the site, without the pages of source code."""
+    if error is None and _has_rustdoc():
+        for part in (*RUST_CRATES, "static.files"):
+            shutil.copytree(RUSTDOC / part, Path(app.outdir) / "rust" / part, dirs_exist_ok=True)
+
+
+def _check_links(app: Sphinx, error: Exception | None) -> None:
+    if error is None and app.builder.format == "html":
+        for link in broken_links(Path(app.outdir)):
+            logging.getLogger(__name__).warning("broken link in %s", link)
 
 
 def setup(app: Sphinx) -> None:
     """Generate the reference before pages are read."""
     app.connect("builder-inited", _generate)
     app.connect("source-read", _read_page)
+    app.connect("build-finished", _add_rustdoc)
+    app.connect("build-finished", _check_links)
