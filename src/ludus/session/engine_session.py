@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Generator, Mapping, Sequence
 from typing import Any, ClassVar
 
@@ -81,6 +82,7 @@ class EngineSession:
         step_timeout_s: float = 60.0,
     ) -> None:
         self._link = link
+        self._creator_pid = os.getpid()
         self._supervision = supervision
         self._greeting = greeting
         self._state = greeting.state
@@ -283,7 +285,13 @@ class EngineSession:
         self.close()
 
     def close(self) -> None:
-        """Send ``CLOSE`` and end the engine; may be called twice."""
+        """Send ``CLOSE`` and end the engine; may be called twice.
+
+        In a forked process it only lets go of the connection: the engine is its parent's.
+        """
+        if os.getpid() != self._creator_pid:
+            self._link.close()
+            return
         with contextlib.suppress(LinkClosed, LudusError):
             self._state.send(FrameType.CLOSE)
             self._link.timeout_s = _CLOSE_TIMEOUT_S
@@ -310,6 +318,12 @@ class EngineSession:
             )
 
     def _send(self, frame_type: FrameType, frame: bytes | bytearray) -> None:
+        if os.getpid() != self._creator_pid:
+            raise SequenceError(
+                f"the engine was started by process {self._creator_pid}, and process {os.getpid()} "
+                "is a forked copy of it, which would share its connection",
+                hint="start a game in the forked process: ludus.make(…), or pickle the environment",
+            )
         if self._link.has_pending:
             self._receive()  # raises, since no answer is due
         self._state.send(frame_type)

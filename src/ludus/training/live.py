@@ -115,7 +115,9 @@ class NotebookReporter(TerminalReporter):
 
     def __init__(self) -> None:
         # Rich's own view needs ipywidgets; a plain text that is replaced needs nothing.
-        super().__init__(Console(file=io.StringIO(), width=NOTEBOOK_WIDTH))
+        # In a notebook, Rich would add an empty output of its own to each print.
+        console = Console(file=io.StringIO(), width=NOTEBOOK_WIDTH, force_jupyter=False)
+        super().__init__(console)
         self._started = ""
         self._display: Any = None
 
