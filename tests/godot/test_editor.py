@@ -221,3 +221,36 @@ def test_the_inspector_lists_the_keys_that_guide_training(project: Path) -> None
     keys = look(project, KEYS)["keys"]
     assert len(keys) == 10
     assert "ludus_start" in keys
+
+
+FORMER_NAMES = """\
+func look() -> void:
+	EditorInterface.open_scene_from_path("res://former.tscn")
+	await tree.process_frame
+	EditorInterface.save_scene()
+"""
+FORMER_SCENE = """\
+[gd_scene format=3]
+[ext_resource type="Script" path="res://addons/ludus/training/ludus_training.gd" id="1"]
+[ext_resource type="Script" path="res://addons/ludus/agent/ludus_agent.gd" id="2"]
+[node name="Former" type="Node"]
+[node name="Training" type="Node" parent="."]
+script = ExtResource("1")
+num_drawn = 7
+starts_by_itself = false
+has_keys = false
+[node name="Agent" type="Node" parent="."]
+script = ExtResource("2")
+is_sampling = true
+"""
+
+
+def test_a_scene_with_former_names_is_saved_with_the_new_ones(project: Path) -> None:
+    scene = project / "former.tscn"
+    scene.write_text(FORMER_SCENE)
+    look(project, FORMER_NAMES)
+    saved = scene.read_text()
+    for line in ("visible_worlds = 7", "autostart = false", "shortcuts_enabled = false"):
+        assert line in saved
+    assert "sample_actions = true" in saved
+    assert not re.search("num_drawn|starts_by_itself|has_keys|is_sampling|process_mode", saved)

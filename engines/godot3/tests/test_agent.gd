@@ -87,6 +87,13 @@ func test_a_mask_without_its_method() -> void:
 	_check_warning(agent, "get_action_mask()")
 
 
+func test_scenes_may_have_the_former_name_of_sample_actions() -> void:
+	var agent := StubAgent.new()
+	agent.set("is_sampling", true)
+	check(agent.sample_actions, "is_sampling")
+	agent.free()
+
+
 func test_agents_that_come_and_go_leave_nothing_behind() -> void:
 	var root := Node.new()
 	add(root)

@@ -29,7 +29,7 @@ func test_pictures_become_entries_of_bytes() -> void:
 
 
 func test_who_needs_a_renderer_is_named() -> void:
-	equal(LudusCameras.complaint(), "", "no camera")
+	equal(LudusCameras.find_problem(), "", "no camera")
 	var root := Spatial.new()
 	var head := Spatial.new()
 	head.name = "Head"
@@ -41,10 +41,10 @@ func test_who_needs_a_renderer_is_named() -> void:
 	root.add_child(world)
 	world.attach(root)
 	add(root)
-	check("camera Head/Eye needs a renderer" in LudusCameras.complaint(), "its path in the world")
+	check("camera Head/Eye needs a renderer" in LudusCameras.find_problem(), "its path in the world")
 	check(not LudusCameras.take_beginnings(), "nothing to wait for")
 	root.free()
-	equal(LudusCameras.complaint(), "", "the camera is gone")
+	equal(LudusCameras.find_problem(), "", "the camera is gone")
 	check(not LudusCameras.are_used(), "no camera is left")
 
 

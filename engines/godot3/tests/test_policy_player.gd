@@ -177,7 +177,7 @@ func test_draws_depend_on_the_seed_only() -> void:
 	var drawn: Array = []
 	for seed_value in [5, 5, 6]:
 		var agent: StubAgent = _agents(_golden("perceptron_tanh"), 1)[0]
-		agent.is_sampling = true
+		agent.sample_actions = true
 		var _moved := _in_one_world([agent])
 		agent.world.set_seed(seed_value)
 		_advance(_player(), 60)

@@ -11,7 +11,6 @@ const LudusLink := preload("res://addons/ludus/bridge/link.gd")
 const LudusMetrics := preload("res://addons/ludus/bridge/metrics.gd")
 const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
-const LudusTrainingStatus := preload("res://addons/ludus/training/training_status.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
 const Golden := preload("golden.gd")
@@ -29,7 +28,6 @@ var _goldens: Array[Golden] = []
 var _games: Array[Array] = []
 var _requests := LudusRequests.new()
 var _metrics := LudusMetrics.new()
-var _status := LudusTrainingStatus.new()
 var _arguments: Dictionary = {}
 
 
@@ -124,7 +122,7 @@ func _read(frame: PackedByteArray) -> bool:
 		LudusWire.Type.CALL:
 			var answer := LudusCall.new(link.payload)
 			if answer.is_for_bridge() and not answer.is_stand_by() and not answer.is_ceiling():
-				is_read = not answer.answer_for_bridge(_requests, _metrics, _status).is_empty()
+				is_read = not answer.answer_for_bridge(_requests, _metrics).is_empty()
 		LudusWire.Type.ERROR:
 			is_read = LudusWire.read_json(link.payload) != null
 	return is_read

@@ -3,6 +3,8 @@ extends SceneTree
 ## --golden=FOLDER [--only=test_NAME.gd][/code]. Prints a line per failure and exits with 1 if there
 ## are any.
 
+const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
+
 const LudusTest := preload("ludus_test.gd")
 const FOLDER := "res://tests"
 ## Worlds that get no seed draw theirs from the engine's generator, so each test sets that one.
@@ -10,6 +12,7 @@ const SEED := 1
 
 var _num_passed: int = 0
 var _num_failed: int = 0
+var _autoload: LudusBridge
 
 
 func _initialize() -> void:
@@ -18,6 +21,7 @@ func _initialize() -> void:
 
 
 func _run() -> void:
+	_autoload = LudusRegistry.bridge
 	for file: String in DirAccess.get_files_at(FOLDER):
 		if file.match(_argument("only", "test_*.gd")):
 			_run_file(file)
@@ -52,11 +56,12 @@ func _report(where: String, failures: PackedStringArray) -> void:
 		print("FAILED %s: %s" % [where, failure])
 
 
-## Removes what a test has left in the tree.
+## Removes what a test has left in the tree, and what it has put in the place of the autoload.
 func _clear() -> void:
 	for child: Node in root.get_children():
-		if child is not LudusBridge:
+		if child != _autoload:
 			child.free()
+	LudusRegistry.bridge = _autoload
 
 
 func _argument(argument_name: String, default: String) -> String:

@@ -1,7 +1,7 @@
 extends "ludus_test.gd"
 ## Mistakes in a scene are told by the agent, in the editor and to the trainer.
 
-const LudusRoster := preload("res://addons/ludus/agent/roster.gd")
+const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
 const StubAgent := preload("stub_agent.gd")
 
 const GAME := """
@@ -101,19 +101,26 @@ func test_a_mask_is_found_by_its_method() -> void:
 	_check_warnings(agent, [])
 
 
+func test_scenes_may_have_the_former_name_of_sample_actions() -> void:
+	var agent := StubAgent.new()
+	agent.set("is_sampling", true)
+	check(agent.sample_actions, "is_sampling")
+	agent.free()
+
+
 func test_agents_that_come_and_go_leave_nothing_behind() -> void:
 	var root := Node.new()
 	add(root)
 	LudusWorld.of(root)
-	var num_before := LudusRoster.agents.size()
-	LudusRoster.newcomers.clear()
+	var num_before := LudusRegistry.agents.size()
+	LudusRegistry.newcomers.clear()
 	for i: int in 20:
 		var agent := StubAgent.new()
 		root.add_child(agent)
-		check(LudusRoster.newcomers.has(agent), "it is new")
+		check(LudusRegistry.newcomers.has(agent), "it is new")
 		agent.free()
-	equal(LudusRoster.newcomers.size(), 0, "newcomers")
-	equal(LudusRoster.agents.size(), num_before, "agents")
+	equal(LudusRegistry.newcomers.size(), 0, "newcomers")
+	equal(LudusRegistry.agents.size(), num_before, "agents")
 
 
 func _script(code: String) -> GDScript:

@@ -162,7 +162,7 @@ func test_draws_depend_on_the_seed_only() -> void:
 	var drawn: Array[Array] = []
 	for seed_value: int in [5, 5, 6]:
 		var agent := _agents(_golden("perceptron_tanh"), 1)[0]
-		agent.is_sampling = true
+		agent.sample_actions = true
 		_in_one_world([agent], false)
 		agent.world.set_seed(seed_value)
 		_advance(_player(), 60)

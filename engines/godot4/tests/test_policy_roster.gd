@@ -98,29 +98,34 @@ func test_a_policy_that_does_not_fit() -> void:
 		var part: Resource = agent.get(mistake[0][0])[0]
 		var right: Variant = part.get(mistake[0][1])
 		part.set(mistake[0][1], mistake[0][2])
-		var misfit := agent.policy.misfit(agent)
-		check(str(mistake[1]) in misfit, "%s: %s" % [mistake[1], misfit])
+		var problem := agent.policy.incompatibility(agent)
+		check(str(mistake[1]) in problem, "%s: %s" % [mistake[1], problem])
 		var warnings := "; ".join(agent._get_configuration_warnings())
-		check("The policy does not fit: " + misfit in warnings, warnings)
+		check("The policy does not fit: " + problem in warnings, warnings)
 		part.set(mistake[0][1], right)
-	equal(agent.policy.misfit(agent), "", "a policy that fits")
+	equal(agent.policy.incompatibility(agent), "", "a policy that fits")
 	agent.action.append(LudusActionComponent.new())
-	check("decides 1 action components, the agent has 2" in agent.policy.misfit(agent), "two")
+	check(
+		"decides 1 action components, the agent has 2" in agent.policy.incompatibility(agent), "two"
+	)
 	_advance(_player(), 3)
 	equal(agent.applied.size() + agent.num_resets, 0, "it is left alone")
 
 
 func test_bounds_and_masks_must_fit() -> void:
 	var squashed := _agents(_golden("squashed"), 1)[0]
-	equal(squashed.policy.misfit(squashed), "", "right bounds")
+	equal(squashed.policy.incompatibility(squashed), "", "right bounds")
 	squashed.action[0].high = 3.0
-	check("trained for -2" in squashed.policy.misfit(squashed), squashed.policy.misfit(squashed))
+	check(
+		"trained for -2" in squashed.policy.incompatibility(squashed),
+		squashed.policy.incompatibility(squashed)
+	)
 	squashed.action[0].size = 2
-	check("decides 3 numbers" in squashed.policy.misfit(squashed), "size")
+	check("decides 3 numbers" in squashed.policy.incompatibility(squashed), "size")
 	var mixed := _agents(_golden("mixed"), 1)[0]
-	equal(mixed.policy.misfit(mixed), "", "a policy with masks")
+	equal(mixed.policy.incompatibility(mixed), "", "a policy with masks")
 	mixed.has_action_mask = false
-	check("get_action_mask()" in mixed.policy.misfit(mixed), "masks")
+	check("get_action_mask()" in mixed.policy.incompatibility(mixed), "masks")
 
 
 func test_entries_come_from_the_policy() -> void:

@@ -4,7 +4,6 @@ extends "ludus_test.gd"
 const LudusCall := preload("res://addons/ludus/bridge/call.gd")
 const LudusMetrics := preload("res://addons/ludus/bridge/metrics.gd")
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
-const LudusTrainingStatus := preload("res://addons/ludus/training/training_status.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
 const Golden := preload("golden.gd")
@@ -162,7 +161,7 @@ func _show(told: Array) -> Dictionary:
 		func(policy: String, mode: int) -> void: heard["modes"].append([policy, mode])
 	)
 	for one: Dictionary in told:
-		bridge._status.take_in(one)
+		bridge._requests.take_in(one)
 	bridge.free()
 	return heard
 
@@ -176,5 +175,5 @@ func _with_mode(status: Dictionary, policy: String, mode: String) -> Dictionary:
 func _answer(requests: LudusRequests, method: String, arguments: Array) -> Dictionary:
 	var message := {"id": 9, "target": {"bridge": true}, "method": method, "arguments": arguments}
 	var call := LudusCall.new(JSON.stringify(message).to_utf8_buffer())
-	var frame := call.answer_for_bridge(requests, LudusMetrics.new(), LudusTrainingStatus.new())
+	var frame := call.answer_for_bridge(requests, LudusMetrics.new())
 	return LudusWire.read_json(frame.slice(LudusWire.HEADER_BYTES))

@@ -1,6 +1,8 @@
 extends "ludus_test.gd"
 ## A game that guides its own training: the node, its keys and overlay, how fast time passes.
 
+const LudusGuidedTraining := preload("res://addons/ludus/training/guided_training.gd")
+const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
 const LudusStage := preload("res://addons/ludus/world/stage.gd")
 const LudusTrainerProcess := preload("res://addons/ludus/training/trainer_process.gd")
@@ -50,15 +52,41 @@ func test_a_world_that_is_trained_is_not_in_charge() -> void:
 	equal(training.state, LudusTraining.State.OFFLINE, "it looks for nobody")
 
 
+func test_every_event_in_every_state() -> void:
+	var state := LudusTraining.State
+	var event := LudusGuidedTraining.Event
+	var online := [state.STANDBY, state.TRAINING, state.PLAYING, state.OFFLINE]
+	# SEARCH, FIND, STAND_BY, TRAIN, PLAY, LOSE
+	var expected: Dictionary[int, Array] = {
+		state.OFFLINE: [state.CONNECTING] + _repeated(state.OFFLINE, 5),
+		state.CONNECTING:
+		[state.CONNECTING, state.GREETING] + _repeated(state.CONNECTING, 3) + [state.OFFLINE],
+		state.GREETING: _repeated(state.GREETING, 2) + online,
+		state.STANDBY: _repeated(state.STANDBY, 2) + online,
+		state.TRAINING: _repeated(state.TRAINING, 2) + online,
+		state.PLAYING: _repeated(state.PLAYING, 2) + online,
+	}
+	equal(expected.keys(), state.values(), "all states")
+	for before: LudusTraining.State in expected:
+		var after := []
+		for happens: LudusGuidedTraining.Event in event.values():
+			var guided := LudusGuidedTraining.new(LudusRequests.new())
+			guided.state = before
+			guided.advance(happens)
+			after.append(guided.state)
+			guided.free()
+		equal(after, expected[before], "after %s" % state.find_key(before))
+
+
 func test_the_node_follows_what_the_trainer_tells() -> void:
 	var training := _training()
-	add(training)
+	var guided := _connect(training)
 	var told: Array[LudusTraining.State] = []
 	training.state_changed.connect(told.append)
-	training.take_in(_status("standby"))
-	training.take_in(_status("standby"))
-	training.take_in(_status("training", "began"))
-	training.take_in(_status("playing"))
+	_tell(_status("standby"))
+	_tell(_status("standby"))
+	_tell(_status("training", "began"))
+	_tell(_status("playing"))
 	equal(
 		told,
 		(
@@ -73,34 +101,65 @@ func test_the_node_follows_what_the_trainer_tells() -> void:
 	)
 	equal(training.message, "began", "an empty message leaves the last one")
 	equal(training.modes["hero"], LudusBridge.PolicyMode.FROZEN, "the mode of a policy")
-	training.take_leave("the lights went out")
+	guided.end("the lights went out", null)
 	equal(training.state, LudusTraining.State.OFFLINE, "the trainer has gone")
 	equal(training.message, "the lights went out", "why")
-	LudusTraining.farewell = ""
+	equal(training.disconnect_reason, "the lights went out", "why, too")
 
 
 func test_a_status_with_nonsense_changes_nothing() -> void:
 	var training := _training()
-	add(training)
+	var guided := _connect(training)
 	for nonsense: Dictionary in [
 		{"policies": 3}, {"policies": {"hero": 3}}, {"message": 5, "state": []}, {}
 	]:
-		training.take_in(nonsense)
-	equal(training.state, LudusTraining.State.OFFLINE, "the state")
+		_tell(nonsense)
+	equal(training.state, LudusTraining.State.GREETING, "the state")
 	equal(training.modes.size(), 0, "the modes")
 	equal(training.message, "", "the message")
+	guided.end("", null)
+
+
+func test_a_status_of_a_trainer_that_guides_is_not_ours() -> void:
+	var training := _training()
+	_use_own_bridge()
+	add(training)
+	_tell(_status("training"))
+	equal(training.state, LudusTraining.State.OFFLINE, "the state")
+	equal(training.status.size(), 0, "the status")
 
 
 func test_what_is_refused_is_shown() -> void:
 	var training := _training()
+	_use_own_bridge()
 	add(training)
 	check(not training.start(), "nobody listens")
-	check("no trainer is connected" in training.message or "autoload" in training.message, "why")
-	var requests := LudusRequests.new()
+	check("no trainer is connected" in training.message, training.message)
+	var requests := LudusRegistry.bridge.guided.requests
 	requests.open(["requests", "guided"])
 	requests.policy_names = ["hero"]
-	check(not requests.set_mode("nobody", 0), "an unknown policy")
-	equal(requests.complaint, 'there is no policy "nobody"; the game has: hero', "why")
+	check(not training.set_policy_mode("nobody", 0), "an unknown policy")
+	equal(training.message, 'there is no policy "nobody"; the game has: hero', "why")
+	check(training.set_policy_mode("hero", 0), "a known one")
+
+
+func test_without_the_autoload() -> void:
+	var training := _training()
+	LudusRegistry.bridge = null
+	add(training)
+	training.connect_trainer()
+	check(not training.start(), "nobody listens")
+	check("the autoload Ludus is missing" in training.message, training.message)
+
+
+func test_scenes_may_have_the_former_names() -> void:
+	var training := LudusTraining.new()
+	for former: StringName in LudusTraining.FORMER_NAMES:
+		training.set(former, 0)
+	equal(training.visible_worlds, 0, "num_drawn")
+	check(not training.autostart, "starts_by_itself")
+	check(not training.shortcuts_enabled, "has_keys")
+	training.free()
 
 
 func test_keys_are_input_actions() -> void:
@@ -134,22 +193,23 @@ func test_keys_guide_the_training() -> void:
 	_forget_actions()
 	var training := _training()
 	training.keys = {ACTION: _key(KEY_T)}
+	_use_own_bridge()
 	add(training)
 	training.add_child(LudusTrainingKeys.new(training))
 	press(KEY_T, true)
-	check("no trainer" in training.message or "autoload" in training.message, training.message)
+	check("no trainer" in training.message, training.message)
 	_forget_actions()
 
 
 func test_the_overlay_tells_what_people_need() -> void:
 	var training := _training()
-	training.has_keys = true
+	training.shortcuts_enabled = true
 	_forget_actions()
-	add(training)
+	var guided := _connect(training)
 	LudusTrainingKeys.add_actions(training.keys)
 	var overlay := LudusTrainingOverlay.new(training)
 	training.add_child(overlay)
-	training.take_in(_status("training", "saved a checkpoint"))
+	_tell(_status("training", "saved a checkpoint"))
 	overlay._process(0.1)
 	var text := _text_of(overlay)
 	for part: String in [
@@ -157,6 +217,7 @@ func test_the_overlay_tells_what_people_need() -> void:
 	]:
 		check(part in text, "%s in %s" % [part, text])
 	check("Shift+F4 stop" in text, "the keys: " + text)
+	guided.end("", null)
 
 
 func test_a_python_that_is_none_is_named() -> void:
@@ -200,10 +261,38 @@ func _key(key: Key) -> InputEventKey:
 	return event
 
 
+## Puts another bridge in the place of the autoload, for the rest of the test.
+func _use_own_bridge() -> void:
+	LudusRegistry.bridge = null
+	add(LudusBridge.new())
+
+
+## Lets a node guide a trainer that has told nothing yet.
+func _connect(training: LudusTraining) -> LudusGuidedTraining:
+	_use_own_bridge()
+	add(training)
+	var guided := LudusRegistry.bridge.guided
+	training.connect_trainer()
+	guided.message = ""
+	guided.advance(LudusGuidedTraining.Event.FIND)
+	return guided
+
+
+func _tell(status: Dictionary) -> void:
+	LudusRegistry.bridge._requests.take_in(status)
+
+
+func _repeated(state: LudusTraining.State, count: int) -> Array:
+	var states := []
+	states.resize(count)
+	states.fill(state)
+	return states
+
+
 func _training() -> LudusTraining:
 	var training := LudusTraining.new()
-	training.starts_by_itself = false
-	training.has_keys = false
+	training.autostart = false
+	training.shortcuts_enabled = false
 	return training
 
 

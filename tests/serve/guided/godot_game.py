@@ -149,7 +149,7 @@ script = ExtResource("1")
 run_name = "pennies"
 num_worlds = {num_worlds}
 checkpoint_every_updates = 4
-starts_by_itself = false
+autostart = false
 scene_path = "res://pennies.tscn"
 [node name="Driver" type="Node" parent="."]
 script = ExtResource("2")

@@ -47,7 +47,7 @@ export var settings: Resource
 ## The trained policy ([LudusPolicy]) that plays the agent while no trainer is there.
 export var policy: Resource setget set_policy
 ## Whether the policy draws its actions, as in training, instead of taking the most probable ones.
-export var is_sampling: bool = false
+export var sample_actions: bool = false
 
 ## What has the five methods: a node.
 var target: Object
@@ -66,6 +66,14 @@ var _manual_steps: int = 0
 func _init() -> void:
 	observation = []
 	action = []
+
+
+## Takes the former name of `sample_actions`, from scenes that have it.
+func _set(property: String, value) -> bool:
+	if property != "is_sampling":
+		return false
+	sample_actions = value
+	return true
 
 
 func _enter_tree() -> void:
@@ -198,8 +206,8 @@ func _get_configuration_warning() -> String:
 				+ "an item that is empty or of another kind."
 			)
 		)
-	elif policy != null and not policy.misfit(self).empty():
-		warnings.append("The policy does not fit: %s." % policy.misfit(self))
+	elif policy != null and not policy.incompatibility(self).empty():
+		warnings.append("The policy does not fit: %s." % policy.incompatibility(self))
 	for component in action:
 		if component is LudusActionComponent and not component.is_valid():
 			warnings.append("Action %s: low must be below high, n at least 1." % component.name)

@@ -18,7 +18,7 @@ var parent_pid: int = 0
 ## Policy files that play while no trainer is there, by policy name.
 var policies: Dictionary = {}
 ## Whether those policies draw their actions.
-var is_sampling: bool = false
+var sample_actions: bool = false
 ## Whether every episode that ends is told on the standard error output.
 var has_report: bool = false
 
@@ -42,7 +42,7 @@ func _init() -> void:
 				var split := value.find("=")
 				policies[value.left(split)] = value.substr(split + 1)
 			"--ludus-sample":
-				is_sampling = true
+				sample_actions = true
 			"--ludus-report":
 				has_report = true
 	if token.empty():

@@ -238,9 +238,9 @@ func _handle_step() -> bool:
 	if num_bytes != _game.action_bytes:
 		_fail("frame", "STEP has %d bytes, expected %d" % [num_bytes, _game.action_bytes])
 		return false
-	var misfit: String = _game.apply_actions(_link.payload)
-	if not misfit.empty():
-		_fail("frame", misfit)
+	var problem: String = _game.apply_actions(_link.payload)
+	if not problem.empty():
+		_fail("frame", problem)
 		return false
 	_ticks_left = _game.ticks_per_step
 	_engine_us = 0

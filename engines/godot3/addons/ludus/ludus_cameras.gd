@@ -69,7 +69,7 @@ static func refresh() -> void:
 
 
 ## Returns why pictures cannot be drawn, naming a camera, or an empty text.
-static func complaint() -> String:
+static func find_problem() -> String:
 	if has_renderer() or not are_used():
 		return ""
 	var view: LudusCameraView = _SHARED["views"][0]
@@ -109,4 +109,4 @@ static func _has_view_of(world: LudusWorld) -> bool:
 static func _warn_once() -> void:
 	if not _SHARED["has_warned"]:
 		_SHARED["has_warned"] = true
-		push_warning("ludus: %s" % complaint())
+		push_warning("ludus: %s" % find_problem())

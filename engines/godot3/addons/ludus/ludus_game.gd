@@ -94,9 +94,9 @@ func apply_actions(payload: PoolByteArray) -> String:
 	for policy in policies:
 		offset = policy.read_actions(payload, offset)
 	for policy in policies:
-		var misfit: String = policy.find_wrong_choice()
-		if not misfit.empty():
-			return misfit
+		var problem: String = policy.find_wrong_choice()
+		if not problem.empty():
+			return problem
 	for policy in policies:
 		policy.hand_out_actions()
 	return ""

@@ -79,9 +79,9 @@ func build(bridge: Node) -> bool:
 	if not game.open(max_steps, _handshake.integer("ticks_per_step", 0)):
 		code = "config"
 		error = "%s: %s" % [_scene.resource_path, game.error]
-	elif not LudusCameras.complaint().empty():
+	elif not LudusCameras.find_problem().empty():
 		code = "renderer"
-		error = LudusCameras.complaint()
+		error = LudusCameras.find_problem()
 		hint = LudusCameras.HINT
 	return error.empty()
 

@@ -70,12 +70,12 @@ func network() -> LudusPolicyNetwork:
 
 ## Says why an agent, a [LudusAgent], cannot use the policy with its declarations; an empty text if
 ## it can. An agent that declares no entries is not asked about them.
-func misfit(agent: Node) -> String:
+func incompatibility(agent: Node) -> String:
 	if not get_error().empty():
 		return get_error()
 	if not agent.observation.empty():
 		for entry in _read.entries:
-			var problem := _entry_misfit(entry, agent.observation)
+			var problem := _entry_incompatibility(entry, agent.observation)
 			if not problem.empty():
 				return problem
 	if agent.action.size() != _read.components.size():
@@ -86,7 +86,7 @@ func misfit(agent: Node) -> String:
 	var next_number := 0
 	for i in _read.components.size():
 		var part: LudusActionComponent = _read.components[i]
-		var problem := _action_misfit(part, agent.action[i], next_number)
+		var problem := _action_incompatibility(part, agent.action[i], next_number)
 		if not problem.empty():
 			return problem
 		if part.kind == LudusActionComponent.Kind.CONTINUOUS:
@@ -96,7 +96,7 @@ func misfit(agent: Node) -> String:
 	return ""
 
 
-static func _entry_misfit(entry: LudusObservationEntry, declared: Array) -> String:
+static func _entry_incompatibility(entry: LudusObservationEntry, declared: Array) -> String:
 	for own in declared:
 		if own == null or own.name != entry.name:
 			continue
@@ -115,7 +115,7 @@ static func _entry_misfit(entry: LudusObservationEntry, declared: Array) -> Stri
 	return 'observation["%s"]: the policy needs this entry, the agent has none' % entry.name
 
 
-func _action_misfit(part: LudusActionComponent, own: LudusActionComponent, first: int) -> String:
+func _action_incompatibility(part: LudusActionComponent, own: LudusActionComponent, first: int) -> String:
 	if own == null or own.name != part.name or own.kind != part.kind:
 		return (
 			'action["%s"]: the policy decides this component, the agent has %s in its place'

@@ -180,9 +180,9 @@ func find_wrong_choice() -> String:
 	if layout.are_all_choices(_discrete):
 		return ""
 	for slot in active.size():
-		var misfit: String = layout.find_wrong_choice(slot, _discrete) if active[slot] == 1 else ""
-		if not misfit.empty():
-			return "STEP, policy %s, slot %d, %s" % [policy_name, slot, misfit]
+		var problem: String = layout.find_wrong_choice(slot, _discrete) if active[slot] == 1 else ""
+		if not problem.empty():
+			return "STEP, policy %s, slot %d, %s" % [policy_name, slot, problem]
 	return ""
 
 

@@ -27,7 +27,7 @@ var _image_entries: Array = []
 var _starts: Array = []
 
 
-## Begins with the declarations of an agent, which [method LudusPolicy.misfit] has found right.
+## Begins with the declarations of an agent, which [method LudusPolicy.incompatibility] has found right.
 func _init(first: LudusAgent) -> void:
 	_policy = first.policy
 	_network = _policy.network()
@@ -135,7 +135,7 @@ func act(tick: int) -> void:
 		var slot: int = _active_slots[row]
 		var rng: RandomNumberGenerator = (
 			_generators[slot]
-			if batch.agents[slot].is_sampling
+			if batch.agents[slot].sample_actions
 			else null
 		)
 		_actions.choose(_network.outputs, row * _network.num_outputs, slot, allowed, rng)

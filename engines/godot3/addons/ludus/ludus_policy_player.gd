@@ -102,7 +102,7 @@ func _wants_to_play(agent: LudusAgent) -> bool:
 		return false
 	if _policies.has(agent.policy_name):
 		agent.policy = _policies[agent.policy_name]
-		agent.is_sampling = _arguments.is_sampling
+		agent.sample_actions = _arguments.sample_actions
 	return agent.policy != null and _refused.get(agent.get_instance_id()) != agent.policy
 
 
@@ -112,7 +112,7 @@ func _admit(newcomers: Array) -> void:
 	for agent in newcomers:
 		var problem: String = agent.connect_to_game()
 		if problem.empty():
-			problem = agent.policy.misfit(agent)
+			problem = agent.policy.incompatibility(agent)
 		if not problem.empty():
 			_refused[agent.get_instance_id()] = agent.policy
 			_fail("agent %s: %s" % [agent.path_in_world(), problem])

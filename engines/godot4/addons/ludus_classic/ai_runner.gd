@@ -174,11 +174,11 @@ func _prepare_training() -> void:
 	training.run_name = _run_name()
 	training.scene_path = WORLD_SCENE
 	training.num_worlds = env_delegate.get_simulation_count()
-	training.num_drawn = 0
+	training.visible_worlds = 0
 	training.checkpoint_every_updates = KEPT_EPOCHS
-	training.starts_by_itself = false
+	training.autostart = false
 	training.has_overlay = false
-	training.has_keys = false
+	training.shortcuts_enabled = false
 	training.policies_folder = folder + POLICIES_FOLDER
 	training.state_changed.connect(_follow)
 	_add_actions()
@@ -271,7 +271,7 @@ func _ask_for_modes(map: Dictionary, policies: Dictionary) -> void:
 		var wanted := _mode(map, agent_name)
 		var word: Variant = (policies[agent_name] as Dictionary).get("mode")
 		if LudusRequests.MODES[wanted] != word:
-			LudusBridge.ask(&"set_policy_mode", [agent_name, wanted])
+			training.set_policy_mode(agent_name, wanted)
 
 
 static func _mode(map: Dictionary, agent_name: String) -> LudusPolicySettings.Mode:

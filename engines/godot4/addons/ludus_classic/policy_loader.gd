@@ -82,7 +82,7 @@ func _take_policy(json: JSON, path: String) -> void:
 	var policy := LudusPolicy.new()
 	policy.model = json
 	var read := policy.reader()
-	var problem := read.error if not read.error.is_empty() else _misfit(read)
+	var problem := read.error if not read.error.is_empty() else _incompatibility(read)
 	if not problem.is_empty():
 		push_error("ludus: %s: %s; give it to a LudusPolicy instead" % [path, problem])
 		return
@@ -93,7 +93,7 @@ func _take_policy(json: JSON, path: String) -> void:
 
 
 ## Why a policy is not of the one kind that godot-ai has; an empty text if it is.
-static func _misfit(read: LudusPolicyReader) -> String:
+static func _incompatibility(read: LudusPolicyReader) -> String:
 	if not read.memory.is_empty() or not read.images.is_empty() or not read.scale.is_empty():
 		return "it is more than dense layers"
 	if not read.is_squashed or not read.has_own_log_std or read.num_logits > 0:

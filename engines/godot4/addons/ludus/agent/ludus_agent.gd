@@ -23,9 +23,11 @@ enum ActionTiming {
 }
 
 const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
-const LudusRoster := preload("res://addons/ludus/agent/roster.gd")
+const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
 const LudusScriptReview := preload("res://addons/ludus/agent/script_review.gd")
 
+## The former name of [member sample_actions].
+const FORMER_SAMPLE_ACTIONS := &"is_sampling"
 const GROUP_NAME := &"ludus_agents"
 const REQUIRED_METHODS: Array[StringName] = [
 	&"apply_action", &"get_observation", &"get_reward", &"is_done", &"reset"
@@ -66,7 +68,7 @@ const REQUIRED_METHODS: Array[StringName] = [
 @export var enabled: bool = true:
 	set(value):
 		enabled = value
-		LudusRoster.num_changes += 1
+		LudusRegistry.num_changes += 1
 ## Training settings of the policy; null: the trainer's choice.
 @export var settings: LudusPolicySettings
 @export_group("Play")
@@ -74,10 +76,10 @@ const REQUIRED_METHODS: Array[StringName] = [
 @export var policy: LudusPolicy:
 	set(value):
 		policy = value
-		LudusRoster.num_changes += 1
+		LudusRegistry.num_changes += 1
 		_watch([policy])
 ## Whether the policy draws its actions, as in training, instead of taking the most probable ones.
-@export var is_sampling: bool = false
+@export var sample_actions: bool = false
 
 ## What has the five methods: a node, or the seat of an agent of a [LudusSimulation].
 var target: Object
@@ -95,13 +97,21 @@ var _slot: int = -1
 var _manual_steps: int = 0
 
 
+## Takes the former name of a property, from scenes that have it.
+func _set(property: StringName, value: Variant) -> bool:
+	if property != FORMER_SAMPLE_ACTIONS:
+		return false
+	sample_actions = value
+	return true
+
+
 func _enter_tree() -> void:
 	add_to_group(GROUP_NAME)
-	LudusRoster.add(self)
+	LudusRegistry.add(self)
 
 
 func _exit_tree() -> void:
-	LudusRoster.remove(self)
+	LudusRegistry.remove(self)
 
 
 ## Finds target and world. Returns what is wrong with the agent, or an empty text.
@@ -132,7 +142,7 @@ func has_mask() -> bool:
 func join_batch(batch: LudusPolicyBatch, slot: int) -> void:
 	_batch = batch
 	_slot = slot
-	LudusRoster.newcomers.erase(self)
+	LudusRegistry.newcomers.erase(self)
 
 
 ## What is probably wrong with the game, though it can be played.
@@ -208,9 +218,9 @@ func _get_configuration_warnings() -> PackedStringArray:
 	for component: LudusActionComponent in action:
 		if component != null and not component.is_valid():
 			warnings.append("Action %s: low must be below high, n at least 1." % component.name)
-	var misfit := policy.misfit(self) if policy != null else ""
-	if not misfit.is_empty():
-		warnings.append("The policy does not fit: %s." % misfit)
+	var problem := policy.incompatibility(self) if policy != null else ""
+	if not problem.is_empty():
+		warnings.append("The policy does not fit: %s." % problem)
 	var node := _find_target()
 	if node == null:
 		warnings.append("target_path leads nowhere.")

@@ -170,9 +170,9 @@ func find_wrong_choice() -> String:
 	if layout.are_all_choices(_discrete):
 		return ""
 	for slot: int in active.size():
-		var misfit := layout.find_wrong_choice(slot, _discrete) if active[slot] == 1 else ""
-		if not misfit.is_empty():
-			return "STEP, policy %s, slot %d, %s" % [policy_name, slot, misfit]
+		var problem := layout.find_wrong_choice(slot, _discrete) if active[slot] == 1 else ""
+		if not problem.is_empty():
+			return "STEP, policy %s, slot %d, %s" % [policy_name, slot, problem]
 	return ""
 
 

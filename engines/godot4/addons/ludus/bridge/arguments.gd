@@ -21,7 +21,7 @@ var parent_pid: int = 0
 ## Policy files that play while no trainer is there, by policy name.
 var policies: Dictionary[String, String] = {}
 ## Whether those policies draw their actions.
-var is_sampling: bool = false
+var sample_actions: bool = false
 ## Whether the trainer may ask for pictures of worlds.
 var has_pictures: bool = false
 ## Whether every episode that ends is told on the standard output.
@@ -47,7 +47,7 @@ static func read() -> LudusArguments:
 			"--ludus-policy":
 				arguments.policies[value] = argument.trim_prefix("--ludus-policy=%s=" % value)
 			"--ludus-sample":
-				arguments.is_sampling = true
+				arguments.sample_actions = true
 			"--ludus-pictures":
 				arguments.has_pictures = true
 			"--ludus-report":

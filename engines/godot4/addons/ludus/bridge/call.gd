@@ -6,7 +6,6 @@ const LudusPicture := preload("res://addons/ludus/cameras/picture.gd")
 const LudusGame := preload("res://addons/ludus/world/game.gd")
 const LudusMetrics := preload("res://addons/ludus/bridge/metrics.gd")
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
-const LudusTrainingStatus := preload("res://addons/ludus/training/training_status.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
 const CEILING_METHOD := "run_ceiling"
@@ -50,9 +49,7 @@ func is_for_bridge() -> bool:
 
 
 ## Calls a method of the add-on and returns the frame with its result.
-func answer_for_bridge(
-	requests: LudusRequests, metrics: LudusMetrics, status: LudusTrainingStatus
-) -> PackedByteArray:
+func answer_for_bridge(requests: LudusRequests, metrics: LudusMetrics) -> PackedByteArray:
 	var result := {"id": _id()}
 	var arguments := _arguments()
 	var method := _method()
@@ -63,7 +60,7 @@ func answer_for_bridge(
 	elif arguments.size() != 1 or arguments[0] is not Dictionary:
 		result["error"] = "%s takes one object" % method
 	else:
-		status.take_in(arguments[0])
+		requests.take_in(arguments[0])
 		result["value"] = true if requests.flags() != 0 else null
 	return LudusWire.json_frame(LudusWire.Type.RESULT, result)
 
@@ -85,11 +82,11 @@ func answer(game: LudusGame) -> PackedByteArray:
 		result["error"] = "there is no world or agent %s" % JSON.stringify(_target())
 	elif method == PICTURE_METHOD and not callee.has_method(method):
 		var world := game.find_world(_target())
-		var complaint := LudusPicture.complaint(world)
-		if complaint.is_empty():
+		var problem := LudusPicture.find_problem(world)
+		if problem.is_empty():
 			result["value"] = LudusPicture.of(world, game.neighbours_of(world))
 		else:
-			result["error"] = complaint
+			result["error"] = problem
 	elif not callee.has_method(method):
 		result["error"] = "%s has no method %s" % [_name_of(callee), method]
 	elif not _is_reachable(method, game.find_world(_target())):

@@ -42,16 +42,16 @@ const LudusArguments := preload("res://addons/ludus/bridge/arguments.gd")
 const LudusCall := preload("res://addons/ludus/bridge/call.gd")
 const LudusCeiling := preload("res://addons/ludus/bridge/ceiling.gd")
 const LudusGame := preload("res://addons/ludus/world/game.gd")
-const LudusGuidance := preload("res://addons/ludus/training/guidance.gd")
+const LudusGuidedTraining := preload("res://addons/ludus/training/guided_training.gd")
 const LudusLink := preload("res://addons/ludus/bridge/link.gd")
 const LudusManualPlay := preload("res://addons/ludus/bridge/manual_play.gd")
 const LudusMetrics := preload("res://addons/ludus/bridge/metrics.gd")
 const LudusOpening := preload("res://addons/ludus/bridge/opening.gd")
 const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
+const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
 const LudusSettling := preload("res://addons/ludus/world/settling.gd")
 const LudusStage := preload("res://addons/ludus/world/stage.gd")
-const LudusTrainingStatus := preload("res://addons/ludus/training/training_status.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
 ## Custom feature of an export preset whose release builds may be trained.
@@ -60,10 +60,10 @@ const NOT_TRAINABLE := (
 	"exported without the feature `ludus`: " + "add it to the preset's custom features"
 )
 
-static var _instance: LudusBridge
-
 ## Plays agents that have a [LudusPolicy] while no trainer is there.
 var player := LudusPolicyPlayer.new()
+## Training that the game guides; see [LudusTraining].
+var guided: LudusGuidedTraining
 
 var _phase: Phase = Phase.START
 var _arguments: LudusArguments
@@ -77,20 +77,13 @@ var _ticks_left: int = 0
 var _num_ticks: int = 0
 var _has_reset: bool = false
 var _batch_flags: int = 0
-var _guidance := LudusGuidance.new()
 var _requests := LudusRequests.new()
 var _metrics := LudusMetrics.new()
-var _status := LudusTrainingStatus.new()
 ## Clock of PROTOCOL.md §7, microseconds.
 var _left_us: int = 0
 var _engine_us: int = 0
 var _bridge_us: int = 0
 var _wait_us: int = 0
-
-
-## Whether the autoload is there, which plays agents or has them trained.
-static func exists() -> bool:
-	return _instance != null
 
 
 ## Whether a trainer has started the game, or it shall wait for one.
@@ -105,41 +98,20 @@ static func is_trainable() -> bool:
 	return OS.has_feature("editor") or OS.is_debug_build() or OS.has_feature(TRAINABLE_FEATURE)
 
 
-## Calls one of the methods that ask something of the trainer. Returns why that was refused, or an
-## empty text.
-static func ask(method: StringName, arguments: Array = []) -> String:
-	if _instance == null:
-		return "the autoload Ludus is missing; enable the plugin Ludus"
-	return "" if _instance.callv(method, arguments) else _instance._requests.complaint
-
-
-## Adds a value to a metric of the run; [param reporter] is named if that cannot be. Does nothing
-## where nobody trains the game. Use [method LudusWorld.report_metric].
-static func report_metric(metric: String, value: float, reporter: Node) -> void:
-	if _instance != null:
-		_instance._metrics.add(metric, value, reporter)
-
-
-## Lets [param training] guide the trainer at the other end of [param link].
-static func guide(training: LudusTraining, link: LudusLink) -> void:
-	if _instance == null:
-		training.take_leave("the autoload Ludus is missing; enable the plugin Ludus")
-	else:
-		_instance._guide.call_deferred(training, link)
-
-
 func _init() -> void:
+	guided = LudusGuidedTraining.new(_requests)
 	add_child(player)
-	add_child(_guidance)
-	_status.received.connect(_show_status)
-	_status.policy_mode_changed.connect(policy_mode_changed.emit)
+	add_child(guided)
+	guided.trainer_found.connect(_guide, CONNECT_DEFERRED)
+	_requests.status_received.connect(_show_status)
+	_requests.policy_mode_changed.connect(policy_mode_changed.emit)
 
 
 func _enter_tree() -> void:
-	if _instance != null:
+	if LudusRegistry.bridge != null:
 		queue_free()
 		return
-	_instance = self
+	LudusRegistry.bridge = self
 	_arguments = LudusArguments.read()
 	if _arguments.parent_pid > 0:  # before scenes are loaded, which may take for ever
 		_link = LudusLink.new()
@@ -149,8 +121,8 @@ func _enter_tree() -> void:
 
 
 func _exit_tree() -> void:
-	if _instance == self:
-		_instance = null
+	if LudusRegistry.bridge == self:
+		LudusRegistry.bridge = null
 	if _link != null:
 		_link.close()
 
@@ -186,7 +158,7 @@ func _physics_process(_delta: float) -> void:
 			player.advance()
 			_manual.advance()
 		Phase.WAITING:
-			if not _guidance.is_silent_frame():
+			if not guided.is_silent_frame():
 				get_tree().paused = false
 				_serve()
 		Phase.STANDING_BY:
@@ -196,6 +168,12 @@ func _physics_process(_delta: float) -> void:
 		Phase.START:
 			_start()
 	_left_us = Time.get_ticks_usec()
+
+
+## Adds a value to a metric of the run; [param reporter] is named if that cannot be. Does nothing
+## where nobody trains the game. Use [method LudusWorld.report_metric].
+func report_metric(metric: String, value: float, reporter: Node) -> void:
+	_metrics.add(metric, value, reporter)
 
 
 ## Asks the trainer to put a policy into another mode. Returns false if nobody trains the game, or
@@ -294,8 +272,8 @@ func _send(frame: PackedByteArray) -> void:
 func _serve() -> void:
 	while _link != null and _phase != Phase.ENDED:
 		var asked := Time.get_ticks_usec()
-		if _requests.is_guided and not _guidance.hears(_link):
-			_phase = Phase.STANDING_BY if _guidance.is_standing_by else Phase.WAITING
+		if _requests.is_guided and not guided.poll(_link):
+			_phase = Phase.STANDING_BY if guided.is_standing_by else Phase.WAITING
 			return
 		if not _link.receive():
 			_fail("" if _link.error.is_empty() else "frame", _link.error)
@@ -336,9 +314,9 @@ func _handle_step() -> bool:
 	if num_bytes != _game.action_bytes:
 		_fail("frame", "STEP has %d bytes, expected %d" % [num_bytes, _game.action_bytes])
 		return false
-	var misfit := _game.apply_actions(_link.payload)
-	if not misfit.is_empty():
-		_fail("frame", misfit)
+	var problem := _game.apply_actions(_link.payload)
+	if not problem.is_empty():
+		_fail("frame", problem)
 		return false
 	_ticks_left = _game.ticks_per_step
 	_engine_us = 0
@@ -353,7 +331,7 @@ func _handle_reset() -> bool:
 		_fail("frame", "malformed RESET")
 		return false
 	_has_reset = true
-	_guidance.is_standing_by = false
+	guided.is_standing_by = false
 	_engine_us = 0
 	_batch_flags = LudusWire.FLAG_RESET
 	_bridge_us = 0
@@ -369,10 +347,10 @@ func _handle_call() -> bool:
 		_has_reset = false
 		return true
 	if call.is_stand_by():
-		_guidance.is_standing_by = _requests.is_guided
+		guided.is_standing_by = _requests.is_guided
 		_send(call.answer_nothing())
 	elif call.is_for_bridge():
-		_send(call.answer_for_bridge(_requests, _metrics, _status))
+		_send(call.answer_for_bridge(_requests, _metrics))
 	else:
 		_send(call.answer(_game))
 	return false
@@ -385,7 +363,7 @@ func _start() -> void:
 		if _arguments.has_trainer():
 			_end(NOT_TRAINABLE)
 		return
-	if not has_trainer_arguments() and _guidance.is_in_scene():
+	if not has_trainer_arguments() and guided.is_in_scene():
 		return
 	if _link == null:
 		_link = LudusLink.new()
@@ -403,29 +381,28 @@ func _start() -> void:
 	_greet()
 
 
-func _guide(training: LudusTraining, link: LudusLink) -> void:
+func _guide(link: LudusLink) -> void:
 	if _phase != Phase.MANUAL:
 		link.close()
-		training.take_leave("the game is being trained already")
+		guided.lose("the game is being trained already")
 		return
-	_guidance.training = training
 	_link = link
 	_greet()
 
 
 func _show_status(status: Dictionary) -> void:
 	training_status.emit(status)
-	_guidance.show_status(status)
+	guided.show_status(status)
 
 
 func _greet() -> void:
 	var opening := LudusOpening.new()
-	if not opening.greet(_link, _arguments, _guidance):
+	if not opening.greet(_link, _arguments, guided):
 		_fail(opening.code, opening.error, opening.hint)
 		return
 	_requests.open(opening.capabilities)
 	_metrics.is_open = LudusMetrics.CAPABILITY in opening.capabilities
-	var is_built := opening.build(_guidance, self)
+	var is_built := opening.build(guided, self)
 	_stage = opening.stage
 	_game = opening.game
 	if not is_built:
@@ -449,7 +426,7 @@ func _fail(code: String, message: String, hint: String = "") -> void:
 func _end(message: String) -> void:
 	if not message.is_empty():
 		printerr("ludus: ", message)
-	if _guidance.training != null:
+	if guided.is_guiding():
 		_go_on_without_trainer(message)
 		return
 	_phase = Phase.ENDED
@@ -463,6 +440,6 @@ func _go_on_without_trainer(message: String) -> void:
 	_metrics = LudusMetrics.new()
 	_link.close()
 	_link = null
-	_guidance.end(message, _stage)
+	guided.end(message, _stage)
 	_stage = null
 	_game = null

@@ -3,7 +3,7 @@ extends RefCounted
 ## [code]get_manual_action()[/code] act on it, and begin anew when they are done. Agents with a
 ## policy are left to [LudusPolicyPlayer]. Of many worlds the first one is played.
 
-const LudusRoster := preload("res://addons/ludus/agent/roster.gd")
+const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
 
 var _tick: int = 0
 ## Agents that people may play.
@@ -15,7 +15,7 @@ var _actions: Dictionary[LudusAgent, Variant] = {}
 
 ## Plays one tick.
 func advance() -> void:
-	if _seen_changes != LudusRoster.num_changes:
+	if _seen_changes != LudusRegistry.num_changes:
 		_update_agents()
 	for agent: LudusAgent in _agents:
 		if agent.target == null:
@@ -26,10 +26,10 @@ func advance() -> void:
 
 
 func _update_agents() -> void:
-	_seen_changes = LudusRoster.num_changes
+	_seen_changes = LudusRegistry.num_changes
 	_agents.clear()
 	var kept: Dictionary[LudusAgent, Variant] = {}
-	for agent: LudusAgent in LudusRoster.agents:
+	for agent: LudusAgent in LudusRegistry.agents:
 		if agent.enabled and agent.policy == null:
 			_agents.append(agent)
 			if _actions.has(agent):

@@ -4,7 +4,7 @@ extends RefCounted
 const LudusArguments := preload("res://addons/ludus/bridge/arguments.gd")
 const LudusCameras := preload("res://addons/ludus/cameras/cameras.gd")
 const LudusGame := preload("res://addons/ludus/world/game.gd")
-const LudusGuidance := preload("res://addons/ludus/training/guidance.gd")
+const LudusGuidedTraining := preload("res://addons/ludus/training/guided_training.gd")
 const LudusHandshake := preload("res://addons/ludus/bridge/handshake.gd")
 const LudusLink := preload("res://addons/ludus/bridge/link.gd")
 const LudusOuterScene := preload("res://addons/ludus/world/outer_scene.gd")
@@ -60,10 +60,10 @@ static func show_scene(path: String, bridge: Node) -> bool:
 
 
 ## Greets the trainer, and loads the scene it asks for. Returns false if that cannot be.
-func greet(link: LudusLink, arguments: LudusArguments, guidance: LudusGuidance) -> bool:
-	_handshake = LudusHandshake.new(link, arguments, guidance.to_json())
+func greet(link: LudusLink, arguments: LudusArguments, guided: LudusGuidedTraining) -> bool:
+	_handshake = LudusHandshake.new(link, arguments, guided.to_json())
 	if _handshake.greet():
-		_scene = _handshake.load_scene(guidance.scene_path())
+		_scene = _handshake.load_scene(guided.scene_path())
 	if _scene == null:
 		code = _handshake.code
 		error = _handshake.error
@@ -74,16 +74,16 @@ func greet(link: LudusLink, arguments: LudusArguments, guidance: LudusGuidance) 
 
 
 ## Makes the worlds it asks for, under [param parent]. Returns false if that cannot be.
-func build(guidance: LudusGuidance, parent: Node) -> bool:
-	guidance.clear_the_stage()
-	_make_stage(guidance, parent)
+func build(guided: LudusGuidedTraining, parent: Node) -> bool:
+	guided.replace_current_scene()
+	_make_stage(guided, parent)
 	var max_steps := _handshake.integer("max_episode_steps", 0)
 	if not game.open(max_steps, _handshake.integer("ticks_per_step", 0)):
 		code = "config"
 		error = "%s: %s" % [_scene.resource_path, game.error]
-	elif not LudusCameras.complaint().is_empty():
+	elif not LudusCameras.find_problem().is_empty():
 		code = "renderer"
-		error = LudusCameras.complaint()
+		error = LudusCameras.find_problem()
 		hint = LudusCameras.HINT
 	return error.is_empty()
 
@@ -95,7 +95,7 @@ func spec_frame() -> PackedByteArray:
 	return LudusWire.json_frame(LudusWire.Type.SPEC, spec)
 
 
-func _make_stage(guidance: LudusGuidance, parent: Node) -> void:
+func _make_stage(guided: LudusGuidedTraining, parent: Node) -> void:
 	var world_scene := LudusOuterScene.enter(_scene, parent.get_tree())
 	stage = LudusStage.new()
 	stage.name = "Stage"
@@ -107,5 +107,5 @@ func _make_stage(guidance: LudusGuidance, parent: Node) -> void:
 		str(_handshake.config.get("layout", "scene"))
 	)
 	stage.has_pictures = LudusArguments.read().has_pictures
-	stage.num_drawn = guidance.num_drawn() if world_scene == _scene else 0
+	stage.visible_worlds = guided.visible_worlds() if world_scene == _scene else 0
 	game = LudusGame.new(stage)

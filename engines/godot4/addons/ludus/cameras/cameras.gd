@@ -72,7 +72,7 @@ static func refresh() -> void:
 
 
 ## Returns why pictures cannot be drawn, naming a camera, or an empty text.
-static func complaint() -> String:
+static func find_problem() -> String:
 	if has_renderer() or not are_used():
 		return ""
 	var path := _views[0].path_in_world()
@@ -112,4 +112,4 @@ static func _has_view_of(world: LudusWorld) -> bool:
 static func _warn_once() -> void:
 	if not _has_warned:
 		_has_warned = true
-		push_warning("ludus: %s" % complaint())
+		push_warning("ludus: %s" % find_problem())

@@ -6,7 +6,7 @@ const MAX_PIXELS := 3_000_000
 
 
 ## Returns why nothing can be drawn, or an empty text.
-static func complaint(world: LudusWorld) -> String:
+static func find_problem(world: LudusWorld) -> String:
 	if DisplayServer.get_name() == "headless":
 		return "this engine runs without a renderer"
 	if not world.is_drawn:

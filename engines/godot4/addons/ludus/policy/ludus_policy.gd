@@ -82,13 +82,13 @@ func network() -> LudusPolicyNetwork:
 
 ## Says why an agent with these declarations cannot use the policy; an empty text if it can. An
 ## agent that declares no entries is not asked about them.
-func misfit(agent: LudusAgent) -> String:
+func incompatibility(agent: LudusAgent) -> String:
 	if not error.is_empty():
 		return error
 	var read := reader()
 	if not agent.observation.is_empty():
 		for entry: LudusObservationEntry in read.entries:
-			var problem := _entry_misfit(entry, agent.observation)
+			var problem := _entry_incompatibility(entry, agent.observation)
 			if not problem.is_empty():
 				return problem
 	if agent.action.size() != read.components.size():
@@ -100,7 +100,7 @@ func misfit(agent: LudusAgent) -> String:
 	for i: int in read.components.size():
 		var part := read.components[i]
 		var size := part.size if part.kind == LudusActionComponent.Kind.CONTINUOUS else 0
-		var problem := _action_misfit(part, agent.action[i], next_number)
+		var problem := _action_incompatibility(part, agent.action[i], next_number)
 		if not problem.is_empty():
 			return problem
 		next_number += size
@@ -109,7 +109,7 @@ func misfit(agent: LudusAgent) -> String:
 	return ""
 
 
-static func _entry_misfit(
+static func _entry_incompatibility(
 	entry: LudusObservationEntry, declared: Array[LudusObservationEntry]
 ) -> String:
 	for own: LudusObservationEntry in declared:
@@ -130,7 +130,9 @@ static func _entry_misfit(
 	return 'observation["%s"]: the policy needs this entry, the agent has none' % entry.name
 
 
-func _action_misfit(part: LudusActionComponent, own: LudusActionComponent, first: int) -> String:
+func _action_incompatibility(
+	part: LudusActionComponent, own: LudusActionComponent, first: int
+) -> String:
 	if own == null or own.name != part.name or own.kind != part.kind:
 		return (
 			'action["%s"]: the policy decides this component, the agent has %s in its place'

@@ -14,7 +14,7 @@ signal episode_ended(policy_name: String, agent: LudusAgent, episode_return: flo
 
 const LudusArguments := preload("res://addons/ludus/bridge/arguments.gd")
 const LudusPolicyGroup := preload("res://addons/ludus/policy/policy_group.gd")
-const LudusRoster := preload("res://addons/ludus/agent/roster.gd")
+const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
 
 var _arguments := LudusArguments.read()
 var _groups: Array[LudusPolicyGroup] = []
@@ -34,7 +34,7 @@ func _init() -> void:
 
 
 func _physics_process(_delta: float) -> void:
-	if not LudusBridge.exists():
+	if LudusRegistry.bridge == null:
 		advance()
 
 
@@ -44,7 +44,7 @@ func advance() -> void:
 		return
 	if not _are_policies_loaded:
 		_load_policies()
-	if _seen_changes != LudusRoster.num_changes:
+	if _seen_changes != LudusRegistry.num_changes:
 		_update_roster()
 	for group: LudusPolicyGroup in _groups:
 		if _is_due(group):
@@ -87,12 +87,12 @@ func _update_roster() -> void:
 				group.leave(slot)
 	_worlds = _worlds.filter(is_instance_valid)
 	var newcomers: Array[LudusAgent] = []
-	for agent: LudusAgent in LudusRoster.agents:
+	for agent: LudusAgent in LudusRegistry.agents:
 		if _wants_to_play(agent):
 			newcomers.append(agent)
 	_admit(newcomers)
 	# Whatever the game did to its agents until here is seen.
-	_seen_changes = LudusRoster.num_changes
+	_seen_changes = LudusRegistry.num_changes
 
 
 func _wants_to_play(agent: LudusAgent) -> bool:
@@ -100,7 +100,7 @@ func _wants_to_play(agent: LudusAgent) -> bool:
 		return false
 	if _policies.has(agent.policy_name):
 		agent.policy = _policies[agent.policy_name]
-		agent.is_sampling = _arguments.is_sampling
+		agent.sample_actions = _arguments.sample_actions
 	return agent.policy != null and _refused.get(agent.get_instance_id()) != agent.policy
 
 
@@ -110,7 +110,7 @@ func _admit(newcomers: Array[LudusAgent]) -> void:
 	for agent: LudusAgent in newcomers:
 		var problem := agent.connect_to_game()
 		if problem.is_empty():
-			problem = agent.policy.misfit(agent)
+			problem = agent.policy.incompatibility(agent)
 		if not problem.is_empty():
 			_refused[agent.get_instance_id()] = agent.policy
 			_fail("agent %s: %s" % [agent.path_in_world(), problem])

@@ -32,7 +32,8 @@ var _image_entries: PackedInt32Array = []
 var _starts: PackedInt32Array = []
 
 
-## Begins with the declarations of an agent, which [method LudusPolicy.misfit] has found right.
+## Begins with the declarations of an agent, which [method LudusPolicy.incompatibility] has found
+## right.
 func _init(first: LudusAgent) -> void:
 	_policy = first.policy
 	_network = _policy.network()
@@ -138,7 +139,7 @@ func act(tick: int) -> void:
 	_observe()
 	for row: int in _active_slots.size():
 		var slot := _active_slots[row]
-		var rng := _generators[slot] if batch.agents[slot].is_sampling else null
+		var rng := _generators[slot] if batch.agents[slot].sample_actions else null
 		_actions.choose(_network.outputs, row * _network.num_outputs, slot, masks, rng)
 	batch.set_actions(_actions.discrete, _actions.continuous)
 

@@ -16,6 +16,9 @@ const LudusSimulationAgent := preload("res://addons/ludus/simulation/simulation_
 const LudusSimulationSeat := preload("res://addons/ludus/simulation/simulation_seat.gd")
 const LudusSimulationSpaces := preload("res://addons/ludus/simulation/simulation_spaces.gd")
 
+## The former name of [member sample_actions].
+const FORMER_SAMPLE_ACTIONS := &"is_sampling"
+
 ## The game: a script that extends [LudusSimulation].
 @export var simulation_script: GDScript:
 	set(value):
@@ -32,7 +35,7 @@ const LudusSimulationSpaces := preload("res://addons/ludus/simulation/simulation
 ## The trained policies that play while no trainer is there, by policy name.
 @export var policies: Dictionary[String, LudusPolicy] = {}
 ## Whether they draw their actions instead of taking the most probable ones.
-@export var is_sampling: bool = false
+@export var sample_actions: bool = false
 
 ## The game; null in the editor.
 var simulation: LudusSimulation
@@ -68,6 +71,14 @@ func _notification(what: int) -> void:
 		_prepare()
 	elif what == NOTIFICATION_PREDELETE:
 		_clean_up()
+
+
+## Takes the former name of a property, from scenes that have it.
+func _set(property: StringName, value: Variant) -> bool:
+	if property != FORMER_SAMPLE_ACTIONS:
+		return false
+	sample_actions = value
+	return true
 
 
 func _physics_process(_delta: float) -> void:
@@ -179,7 +190,7 @@ func _add_agents() -> void:
 		agent.sit_down(seat)
 		agent.name = names[i].validate_node_name() + str(number)
 		agent.policy = policies.get(names[i])
-		agent.is_sampling = is_sampling
+		agent.sample_actions = sample_actions
 		add_child(agent)
 
 

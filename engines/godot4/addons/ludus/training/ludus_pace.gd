@@ -8,6 +8,8 @@ extends Node
 ## drawing a tenth of the time. A process that was started with [code]--fixed-fps[/code] is fast
 ## already and is left alone.
 
+const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
+
 ## Ticks per second are multiplied by this; no machine gets so far.
 const FACTOR := 1000
 ## Ticking lasts this many times as long as drawing and everything else of a frame.
@@ -17,10 +19,6 @@ const MIN_TICKING_US := 15000.0
 const MAX_TICKING_US := 500000.0
 ## Share of the newest frame in the measured times.
 const NEWEST := 0.2
-
-## Ticks per second while people watch, chosen by [method watch_at]; 0: the project's.
-static var _watched_ticks: int = 0
-static var _instance: LudusPace
 
 ## Whether time passes as fast as it can.
 var is_fast: bool = false:
@@ -50,9 +48,10 @@ var _drawing_us: float = 0.0
 ## Lets a game whose step is a tick or two be slow enough to be watched: [param ticks_per_second]
 ## while it is played by hand or plays a round, 0 for the project's. The length of a tick stays.
 static func watch_at(ticks_per_second: int) -> void:
-	_watched_ticks = ticks_per_second
-	if _instance != null and not _instance.is_fast:
-		_instance._choose()
+	LudusRegistry.watched_ticks = ticks_per_second
+	var pace := LudusRegistry.pace
+	if pace != null and not pace.is_fast:
+		pace._choose()
 
 
 ## How long the trainer may keep a frame waiting, milliseconds: as long as ticks have in this frame.
@@ -76,15 +75,15 @@ func _init() -> void:
 
 
 func _enter_tree() -> void:
-	_instance = self
-	if _watched_ticks > 0:
+	LudusRegistry.pace = self
+	if LudusRegistry.watched_ticks > 0:
 		_choose()
 
 
 func _exit_tree() -> void:
 	is_fast = false
-	if _instance == self:
-		_instance = null
+	if LudusRegistry.pace == self:
+		LudusRegistry.pace = null
 
 
 func _physics_process(_delta: float) -> void:
@@ -121,7 +120,7 @@ func _choose() -> void:
 	_ticks_ended_us = 0
 	var ticks := _usual_ticks * FACTOR
 	if not is_fast:
-		ticks = _watched_ticks if _watched_ticks > 0 else _usual_ticks
+		ticks = LudusRegistry.watched_ticks if LudusRegistry.watched_ticks > 0 else _usual_ticks
 	Engine.physics_ticks_per_second = ticks
 	Engine.time_scale = _usual_scale * ticks / _usual_ticks
 	Engine.physics_jitter_fix = 0.0 if is_fast else _usual_jitter_fix

@@ -1,3 +1,4 @@
+@tool
 @icon("res://addons/ludus/icons/ludus_training.svg")
 class_name LudusTraining
 extends Node
@@ -20,27 +21,26 @@ signal status_changed(status: Dictionary)
 enum State {
 	OFFLINE,  ## There is no trainer.
 	CONNECTING,  ## One is looked for, or starts.
+	GREETING,  ## One was found that has told nothing yet.
 	STANDBY,  ## There is one, and it waits.
 	TRAINING,  ## Policies learn.
 	PLAYING,  ## A round is played for people to watch; nothing learns.
 }
 
-const LudusLink := preload("res://addons/ludus/bridge/link.gd")
-const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
+const LudusGuidedTraining := preload("res://addons/ludus/training/guided_training.gd")
+const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
 const LudusStage := preload("res://addons/ludus/world/stage.gd")
-const LudusTrainerProcess := preload("res://addons/ludus/training/trainer_process.gd")
 const LudusTrainingKeys := preload("res://addons/ludus/training/training_keys.gd")
 const LudusTrainingOverlay := preload("res://addons/ludus/training/training_overlay.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
-const START_TIMEOUT_MS := 60000
-const RETRY_MS := 250
-const CONNECT_TIMEOUT_MS := 100
-
-## Why the last trainer went away; an empty text if none did. A trainer that came and went is not
-## called again unasked.
-static var farewell: String = ""
-static var _has_been_online: bool = false
+const NO_AUTOLOAD := "the autoload Ludus is missing; enable the plugin Ludus"
+## Properties under their former names, which scenes may have.
+const FORMER_NAMES: Dictionary[StringName, StringName] = {
+	&"num_drawn": &"visible_worlds",
+	&"starts_by_itself": &"autostart",
+	&"has_keys": &"shortcuts_enabled",
+}
 
 ## Name of the run, a folder in [member runs_folder]. A run that is there goes on; empty: the name
 ## of the scene.
@@ -48,11 +48,11 @@ static var _has_been_online: bool = false
 ## Worlds that are trained side by side.
 @export_range(1, 4096) var num_worlds: int = 16
 ## How many of them are drawn.
-@export_range(0, 16) var num_drawn: int = 1
+@export_range(0, 16) var visible_worlds: int = 1
 ## A checkpoint that is kept for ever after every so many updates; 0: none.
 @export_range(0, 100000) var checkpoint_every_updates: int = 1000
 ## Whether to look for a trainer, and train, as soon as the game runs.
-@export var starts_by_itself: bool = true
+@export var autostart: bool = true
 ## Scene to train; empty: the one that is played. A scene named here is trained inside the one that
 ## is played, which stays.
 @export_file("*.tscn") var scene_path: String = ""
@@ -60,7 +60,7 @@ static var _has_been_online: bool = false
 ## Whether an overlay tells how it goes.
 @export var has_overlay: bool = true
 ## Whether keys guide the training.
-@export var has_keys: bool = true
+@export var shortcuts_enabled: bool = true
 ## The key of each action. An action without one has that of the project's input map, or else the
 ## usual one: Shift with F1 to F10, in this order.
 @export var keys: Dictionary[StringName, InputEventKey] = {
@@ -86,20 +86,30 @@ static var _has_been_online: bool = false
 @export_range(1, 65535) var port: int = LudusWire.DEFAULT_PORT
 
 ## What goes on.
-var state: State = State.OFFLINE
+var state: State:
+	get:
+		return State.OFFLINE if _guided == null else _guided.state
 ## What the trainer told last.
-var status: Dictionary = {}
+var status: Dictionary:
+	get:
+		return {} if _guided == null else _guided.status
 ## What was done last, or went wrong, for people to read.
-var message: String = ""
+var message: String:
+	get:
+		return NO_AUTOLOAD if _guided == null else _guided.message
+## Why the last trainer went away; an empty text if none did.
+var disconnect_reason: String:
+	get:
+		return "" if _guided == null else _guided.disconnect_reason
 ## Mode of each policy, by name.
-var modes: Dictionary[String, LudusBridge.PolicyMode] = {}
+var modes: Dictionary[String, LudusBridge.PolicyMode]:
+	get:
+		return {} if _guided == null else _guided.requests.modes
 
-var _server: LudusTrainerProcess
-## Whether a trainer was found that has told nothing yet; a second connection would be refused.
-var _is_greeting: bool = false
-var _is_start_due: bool = false
-var _deadline_ms: int = 0
-var _retry_ms: int = 0
+## The owner of what goes on; null without the autoload.
+var _guided: LudusGuidedTraining:
+	get:
+		return LudusRegistry.bridge.guided if LudusRegistry.bridge != null else null
 
 
 ## Whether this node guides; false in the worlds that are trained.
@@ -118,40 +128,35 @@ func is_in_charge() -> bool:
 
 ## Looks for a trainer, and starts one if there is none.
 func connect_trainer() -> void:
-	if state != State.OFFLINE or not LudusBridge.is_trainable():
-		return
-	message = "looking for a trainer"
-	_server = null
-	_deadline_ms = Time.get_ticks_msec() + START_TIMEOUT_MS
-	_retry_ms = 0
-	_enter(State.CONNECTING)
+	if _guided != null and LudusBridge.is_trainable():
+		_guided.connect_trainer(self)
 
 
 ## Trains until [method stop]. Returns false if no trainer listens.
 func start() -> bool:
-	return _ask(&"start_training")
+	return _guided != null and _told(_guided.requests.add_guided("start"))
 
 
 ## Ends training, with a checkpoint, or the round that is played. Returns false if no trainer
 ## listens.
 func stop() -> bool:
-	return _ask(&"stop_training")
+	return _guided != null and _told(_guided.requests.add({"kind": "stop"}))
 
 
 ## Plays one round with the most probable actions of all policies, at a speed for people. Returns
 ## false if no trainer listens.
 func play_round() -> bool:
-	return _ask(&"play_round")
+	return _guided != null and _told(_guided.requests.add_guided("play_round"))
 
 
 ## Writes all policies for use in the game, see [LudusPolicy]. Returns false if no trainer listens.
 func write_policies() -> bool:
-	return _ask(&"write_policies")
+	return _guided != null and _told(_guided.requests.add_guided("write_policies"))
 
 
 ## Puts a policy into another mode; see [method LudusBridge.set_policy_mode].
 func set_policy_mode(policy: String, mode: LudusBridge.PolicyMode) -> bool:
-	return _ask(&"set_policy_mode", [policy, mode])
+	return _guided != null and _told(_guided.requests.set_mode(policy, mode))
 
 
 ## Lets only [param policies] learn; all others play their most probable actions.
@@ -170,105 +175,37 @@ func to_json() -> Dictionary:
 	return settings
 
 
-## Takes in what the trainer tells.
-func take_in(told: Dictionary) -> void:
-	status = told
-	var words: Variant = told.get("message")
-	if words is String and not (words as String).is_empty():
-		message = words
-	_note_modes(told.get("policies"))
-	match told.get("state"):
-		"standby":
-			_stand_by()
-		"training":
-			_enter(State.TRAINING)
-		"playing":
-			_enter(State.PLAYING)
-	status_changed.emit(told)
-
-
-## Notes that the trainer has gone.
-func take_leave(reason: String) -> void:
-	farewell = reason
-	message = reason
-	_enter(State.OFFLINE)
-
-
 func _ready() -> void:
+	if Engine.is_editor_hint():
+		return
 	process_mode = Node.PROCESS_MODE_ALWAYS
 	if not is_in_charge() or state != State.OFFLINE:
-		set_process(false)
 		return
 	if has_overlay and DisplayServer.get_name() != "headless":
 		add_child(LudusTrainingOverlay.new(self))
-	if has_keys:
+	if shortcuts_enabled:
 		add_child(LudusTrainingKeys.new(self))
-	message = farewell
-	if starts_by_itself and not _has_been_online:
-		_is_start_due = true
-		connect_trainer()
-
-
-func _process(_delta: float) -> void:
-	if state != State.CONNECTING or _is_greeting or Time.get_ticks_msec() < _retry_ms:
+	if _guided == null:
+		printerr("ludus: ", NO_AUTOLOAD)
 		return
-	_retry_ms = Time.get_ticks_msec() + RETRY_MS
-	var link := LudusLink.new()
-	if link.connect_to(["tcp:127.0.0.1:%d" % port], CONNECT_TIMEOUT_MS):
-		_has_been_online = true
-		_is_greeting = true
-		farewell = ""
-		message = ""
-		LudusBridge.guide(self, link)
-	elif _server == null:
-		_start_trainer()
-	elif _server.has_ended():
-		_give_up(_server.describe_end())
-	elif Time.get_ticks_msec() > _deadline_ms:
-		_give_up("no trainer answers at port %d" % port)
+	_guided.state_changed.connect(state_changed.emit)
+	_guided.status_changed.connect(status_changed.emit)
+	if autostart and not _guided.has_been_online:
+		_guided.connect_trainer(self, true)
 
 
-func _start_trainer() -> void:
-	message = "starting ludus serve"
-	_server = LudusTrainerProcess.new()
-	if not _server.start(port, _folder(runs_folder, "runs"), _folder(policies_folder, "policies")):
-		_give_up(_server.error)
+## Takes former names of properties, from scenes that have them.
+func _set(property: StringName, value: Variant) -> bool:
+	if FORMER_NAMES.has(property):
+		set(FORMER_NAMES[property], value)
+	return FORMER_NAMES.has(property)
 
 
-func _give_up(reason: String) -> void:
-	printerr("ludus: ", reason)
-	take_leave(reason)
-
-
-func _ask(method: StringName, arguments: Array = []) -> bool:
-	var complaint := LudusBridge.ask(method, arguments)
-	if not complaint.is_empty():
-		message = complaint
-	return complaint.is_empty()
-
-
-func _note_modes(policies: Variant) -> void:
-	if policies is not Dictionary:
-		return
-	for policy: String in policies:
-		var word: Variant = policies[policy].get("mode") if policies[policy] is Dictionary else null
-		var mode := LudusRequests.MODES.find(word) if word is String else -1
-		if mode >= 0:
-			modes[policy] = mode as LudusBridge.PolicyMode
-
-
-func _stand_by() -> void:
-	_enter(State.STANDBY)
-	if _is_start_due:
-		_is_start_due = false
-		start()
-
-
-func _enter(next: State) -> void:
-	_is_greeting = false
-	if next != state:
-		state = next
-		state_changed.emit(state)
+## Shows why a request was refused, if it was. Returns whether it was not.
+func _told(is_accepted: bool) -> bool:
+	if not is_accepted:
+		_guided.message = _guided.requests.last_refusal
+	return is_accepted
 
 
 func _run_name() -> String:
@@ -279,10 +216,3 @@ func _run_name() -> String:
 		path = get_tree().current_scene.scene_file_path
 	var others := RegEx.create_from_string("[^A-Za-z0-9_-]")
 	return others.sub(path.get_file().get_basename(), "_", true)
-
-
-static func _folder(chosen: String, usual: String) -> String:
-	if not chosen.is_empty():
-		return ProjectSettings.globalize_path(chosen)
-	var root := "res://" if OS.has_feature("editor") else "user://"
-	return ProjectSettings.globalize_path(root + usual)

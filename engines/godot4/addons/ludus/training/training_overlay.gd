@@ -12,6 +12,7 @@ const MARGIN := 12.0
 const STATES: Array[Array] = [
 	["no trainer", Color(0.75, 0.75, 0.78)],
 	["connecting", Color(1.0, 0.78, 0.45)],
+	["connecting", Color(1.0, 0.78, 0.45)],
 	["stands by", Color(0.55, 0.8, 1.0)],
 	["training", Color(0.5, 0.95, 0.6)],
 	["plays a round", Color(1.0, 0.7, 0.95)],
@@ -19,6 +20,7 @@ const STATES: Array[Array] = [
 ## Keys that do something in each state, and what.
 const HELP: Array[Dictionary] = [
 	{&"ludus_connect": "connect"},
+	{},
 	{},
 	{
 		&"ludus_start": "train",
@@ -61,7 +63,7 @@ func _process(_delta: float) -> void:
 
 
 func _unhandled_input(event: InputEvent) -> void:
-	if _training.has_keys and event.is_action_pressed(&"ludus_overlay"):
+	if _training.shortcuts_enabled and event.is_action_pressed(&"ludus_overlay"):
 		visible = not visible
 
 
@@ -95,7 +97,7 @@ func _show_state(state: LudusTraining.State) -> void:
 	_title.text = "Ludus: %s" % STATES[state][0]
 	_title.add_theme_color_override(&"font_color", STATES[state][1] as Color)
 	var parts: PackedStringArray = []
-	if _training.has_keys:
+	if _training.shortcuts_enabled:
 		for action: StringName in HELP[state]:
 			parts.append("%s %s" % [LudusTrainingKeys.describe(action), HELP[state][action]])
 		parts.append("%s hide" % LudusTrainingKeys.describe(&"ludus_overlay"))

@@ -4,7 +4,7 @@ extends RefCounted
 const LudusCameras := preload("res://addons/ludus/cameras/cameras.gd")
 const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
 const LudusSimulationBatch := preload("res://addons/ludus/simulation/simulation_batch.gd")
-const LudusRoster := preload("res://addons/ludus/agent/roster.gd")
+const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
 const LudusScriptReview := preload("res://addons/ludus/agent/script_review.gd")
 const LudusStage := preload("res://addons/ludus/world/stage.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
@@ -21,6 +21,7 @@ var action_bytes: int = 0
 var _stage: LudusStage
 var _slots_per_world: Dictionary[String, int] = {}
 var _num_agents_in_world: int = 0
+var _seen_changes: int = -1
 ## Whether each agent's episode ends by itself.
 var _is_per_agent: bool = true
 ## Worlds that were made anew and wait until the engine knows their nodes.
@@ -106,9 +107,9 @@ func apply_actions(payload: PackedByteArray) -> String:
 	for policy: LudusPolicyBatch in policies:
 		offset = policy.read_actions(payload, offset)
 	for policy: LudusPolicyBatch in policies:
-		var misfit := policy.find_wrong_choice()
-		if not misfit.is_empty():
-			return misfit
+		var problem := policy.find_wrong_choice()
+		if not problem.is_empty():
+			return problem
 	for policy: LudusPolicyBatch in policies:
 		policy.hand_out_actions()
 	return ""
@@ -126,7 +127,7 @@ func collect() -> void:
 	_drop_leavers()
 	for policy: LudusPolicyBatch in policies:
 		policy.collect_outcomes()
-	if not LudusRoster.newcomers.is_empty():
+	if not LudusRegistry.newcomers.is_empty():
 		_admit_newcomers()
 	var ended := PackedInt32Array()
 	for policy: LudusPolicyBatch in policies:
@@ -199,7 +200,7 @@ func find_target(target: Dictionary) -> Object:
 ## All agents of all worlds by policy, in slot order; null for spare slots.
 func _rosters() -> Dictionary:
 	var rosters := {}
-	LudusRoster.newcomers.clear()
+	LudusRegistry.newcomers.clear()
 	for i: int in _stage.worlds.size():
 		var world := _stage.worlds[i]
 		var by_policy := _agents_of(world)
@@ -363,15 +364,15 @@ func _begin_episode(i: int) -> void:
 
 
 func _drop_leavers() -> void:
-	if not LudusRoster.has_leavers:
+	if _seen_changes == LudusRegistry.num_changes:
 		return
-	LudusRoster.has_leavers = false
+	_seen_changes = LudusRegistry.num_changes
 	for policy: LudusPolicyBatch in policies:
 		policy.drop_leavers()
 
 
 func _admit_newcomers() -> void:
-	for agent: LudusAgent in LudusRoster.take_newcomers():
+	for agent: LudusAgent in LudusRegistry.take_newcomers():
 		var i := _stage.worlds.find(LudusWorld.find_above(agent))
 		if i >= 0 and agent.enabled:
 			_admit(agent, i)

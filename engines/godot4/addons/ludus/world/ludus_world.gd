@@ -24,6 +24,8 @@ enum Episode {
 	WORLD,  ## Agents that end wait until all agents of the world have ended.
 }
 
+const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
+
 const META_NAME := &"ludus_world"
 const DISTANCE_3D := Vector3(100.0, 0.0, 100.0)
 ## Odd 64-bit constants of splitmix64; they spread neighbouring seeds and episodes far apart.
@@ -118,7 +120,8 @@ static func find_in(scene_root: Node) -> LudusWorld:
 ## to 128 printable characters, without a space at either end. NaN, infinity, another name or a 65th
 ## metric ends the training with an error that names the node.
 func report_metric(metric: String, value: float) -> void:
-	LudusBridge.report_metric(metric, value, root)
+	if LudusRegistry.bridge != null:
+		LudusRegistry.bridge.report_metric(metric, value, root)
 
 
 ## Makes this the world of everything under [param scene_root].

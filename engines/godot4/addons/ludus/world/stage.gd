@@ -12,7 +12,7 @@ var error: String = ""
 ## The scene that the worlds are copies of.
 var scene: PackedScene
 ## How many worlds are drawn, where there is a window. Of worlds in a 3D grid it is the first.
-var num_drawn: int = 1
+var visible_worlds: int = 1
 ## Whether all worlds look as if they were drawn, for pictures that the trainer may ask for.
 var has_pictures: bool = false
 
@@ -49,7 +49,7 @@ func build() -> bool:
 	for world: LudusWorld in worlds:
 		parameters.append(world.parameters)
 	clear()
-	_num_views = mini(num_drawn, _num_worlds) if _has_window() else 0
+	_num_views = mini(visible_worlds, _num_worlds) if _has_window() else 0
 	for i: int in _num_worlds:
 		var root := scene.instantiate()
 		var world := _prepare(root, i)

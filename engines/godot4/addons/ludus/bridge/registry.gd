@@ -1,12 +1,16 @@
 extends RefCounted
-## The agents of this process: who is in the tree, who has come and who has gone.
+## What of Ludus there is in this process: the static state of the add-on.
 
+## The autoload; null as long as it is not in the tree.
+static var bridge: LudusBridge
+## What lets the game's time pass; null as long as it is not in the tree.
+static var pace: LudusPace
+## Ticks per second while people watch, see [method LudusPace.watch_at]; 0: the project's.
+static var watched_ticks: int = 0
 ## Agents in the tree, in the order in which they came.
 static var agents: Dictionary[LudusAgent, bool] = {}
 ## Those of them that no batch has taken yet.
 static var newcomers: Dictionary[LudusAgent, bool] = {}
-## Whether any agent has left since somebody asked last.
-static var has_leavers: bool = false
 ## Goes up whenever an agent comes, goes, or is to be played by something else.
 static var num_changes: int = 0
 
@@ -22,7 +26,6 @@ static func add(agent: LudusAgent) -> void:
 static func remove(agent: LudusAgent) -> void:
 	agents.erase(agent)
 	newcomers.erase(agent)
-	has_leavers = true
 	num_changes += 1
 
 
