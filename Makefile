@@ -9,6 +9,7 @@
 # make docs        the documentation site, in build/docs; make docs-serve shows it in a browser
 # make addon-zip   the add-on for the Asset Library, one zip for each version of Godot, in build/
 # make bench       the table of docs/benchmarks.md
+# make compare     the tables of docs/compare.md: brings other projects into PEERS (../ludus-peers), measures in turns
 # CONTRIBUTING.md says which of them is for what.
 
 PYTHON ?= python3
@@ -37,7 +38,7 @@ ifneq ($(RUSTUP),)
 export RUSTUP_HOME ?= $(RUSTUP)
 endif
 
-.PHONY: setup demo test test-libraries test-fast campaign test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples addon-zip bench clean
+.PHONY: setup demo test test-libraries test-fast campaign test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples addon-zip bench compare clean
 .DELETE_ON_ERROR:
 
 setup: .venv/.ready
@@ -183,6 +184,11 @@ docs-serve: docs
 
 addon-zip: .venv/.ready
 	@$(BIN)/python engines/addon_zip.py
+
+PEERS ?= ../ludus-peers
+ROUNDS ?= 5
+compare: setup
+	$(BIN)/python benchmarks/compare.py --peers $(PEERS) --rounds $(ROUNDS)
 
 bench: setup
 	$(BIN)/python benchmarks/godot4.py
