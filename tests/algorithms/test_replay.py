@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from ludus.algorithms.replay import Replay
+from ludus.algorithms.replay import Replay, transitions
 from ludus.algorithms.rollout import SlotState
 from ludus.errors import CheckpointError
 from ludus.networks.tensors import to_numbers
@@ -47,7 +47,7 @@ def finals(random: np.random.Generator, index: list[int]) -> dict[str, Any]:
 
 def step(replay: Replay, last: SlotState, now: Batch, action: Any) -> int:
     last.discrete[:, 0] = action
-    added = replay.add(last, now)
+    added = replay.add(transitions(last, now))
     last.write_state(now)
     return added
 
@@ -76,7 +76,7 @@ def random_outcome(random: np.random.Generator) -> Batch:
 
 
 def expected(last: SlotState, now: Batch, slot: int) -> dict[str, Any] | None:
-    """Return the transition of a slot as the text of ``Replay.add`` has it; None for none."""
+    """Return the transition of a slot as the text of ``transitions`` has it; None for none."""
     is_final = slot in now.final_index
     is_truncated = now.truncated[slot] and not now.terminated[slot]
     if not last.is_active[slot] or (is_truncated and not is_final):
@@ -186,8 +186,8 @@ def test_a_restored_replay_continues_as_before(steps: int) -> None:
     random = np.random.default_rng(5)
     for _ in range(5):
         now = batch(random)
-        one.add(last, now)
-        two.add(last, now)
+        one.add(transitions(last, now))
+        two.add(transitions(last, now))
     first, second = one.state(), two.state()
     assert first.keys() == second.keys()
     assert all(torch.equal(first[name], second[name]) for name in first)
@@ -199,7 +199,7 @@ def test_a_state_holds_only_what_is_filled_and_no_views() -> None:
     state = replay.state()
     assert len(state["observation.o"]) == 6
     before = state["reward"].clone()
-    replay.add(last, batch(np.random.default_rng(1)))
+    replay.add(transitions(last, batch(np.random.default_rng(1))))
     assert torch.equal(state["reward"], before)
 
 

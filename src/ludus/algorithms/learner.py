@@ -29,15 +29,17 @@ class LearnerSettings:
 
     Attributes:
         engine_rows: Slots of each engine.
-        seed: Of its random stream.
+        seed: Of its random streams.
         is_mixed: Whether updates are computed in bfloat16 where that is safe.
         is_compiled: Whether they are compiled.
+        first_engine: Number of the first engine among those of all machines.
     """
 
     engine_rows: list[slice]
     seed: int
     is_mixed: bool = False
     is_compiled: bool = False
+    first_engine: int = 0
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import copy
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -31,8 +31,9 @@ from ludus.algorithms.losses import (
     generalised_advantage,
     value_loss,
 )
+from ludus.algorithms.ppo_recorder import PPORecorder
+from ludus.algorithms.recorder import Recording
 from ludus.algorithms.recurrence import Sequences, cut_into_sequences, run_memory
-from ludus.algorithms.rollout import Rollout
 from ludus.networks.device import mixed_precision
 from ludus.networks.networks import Inputs, perceptron
 from ludus.networks.normalise import RewardScaler
@@ -122,24 +123,18 @@ class PPO:
         self._critic.to(self._device)
         parameters = itertools.chain(policy.parameters(), self._critic.parameters())
         self._optimiser = Adam(parameters, ADAM_EPSILON)
-        self._collector = copy.deepcopy(policy) if config.overlap else policy
         self._forward = cast(
             Callable[[Inputs, Sequences | None], tuple[Tensor, Tensor]],
             cast(Any, torch).compile(self._outputs) if settings.is_compiled else self._outputs,
         )
         self._learning_rate = config.learning_rate
-        self._rows = settings.engine_rows
-        self._rollout = Rollout(policy.spec, config.rollout_steps, self._rows)
+        self.recorder = PPORecorder(
+            copy.deepcopy(policy) if config.overlap else policy, config, settings
+        )
+        self._rollout = self.recorder.rollout
         num_agents = self._rollout.num_agents
         self._scaler = RewardScaler(num_agents, config.discount).to(self._device)
         self._generator = torch.Generator(self._device).manual_seed(settings.seed)
-        shape = (config.rollout_steps, num_agents, policy.head.num_noise)
-        self._noise = torch.zeros(shape, device=self._device)
-        self._engine_noise = [[step[rows] for step in self._noise] for rows in self._rows]
-        self._has_noise = False
-        self._steps = [0] * len(self._rows)
-        self._memory = torch.zeros(num_agents, policy.memory_size, device=self._device)
-        self._first_memory = self._memory.clone()
         self._pending: Iterator[None] = iter(())
         self._steps_per_call = 0.0
         self._steps_owed = 0.0
@@ -151,53 +146,40 @@ class PPO:
     @property
     def num_steps_left(self) -> int:
         """Steps of every engine until the next update."""
-        return self.config.rollout_steps - min(self._steps)
+        return self.recorder.num_steps_left
 
     def begin(self, engine: int, batch: Batch) -> None:
         """Take the first observations of an engine that was reset; drops unfinished rollouts."""
-        self._steps[engine] = 0
-        self._rollout.forget()
         self._scaler.forget()
-        self._memory[self._rows[engine]] = 0.0
-        self._first_memory.copy_(self._memory)
-        self._rollout.views[engine][0].write_state(batch)
+        self.recorder.begin(engine, batch)
 
-    @torch.inference_mode()
     def act(self, engine: int) -> ActionBatch:
         """Return actions for the last observations; views that the next rollout overwrites."""
-        if not self._has_noise:
-            self.policy.head.fill_noise(self._noise, self._generator)
-            self._has_noise = True
-        step = self._steps[engine]
-        view, device, policy = self._rollout.views[engine][step], self._device, self._collector
-        is_on_cpu = device.type == "cpu"
-        tensors = view.tensors if is_on_cpu else as_tensors(view.observation, device)
-        mask = as_tensor(view.mask, device) if self._rollout.has_mask else None
-        state = self._memory[self._rows[engine]] if policy.memory_size else None
-        outputs, state = policy.act_on(policy.encoder(tensors), state)
-        if state is not None:
-            self._memory[self._rows[engine]] = state
-        noise = self._engine_noise[engine][step]
-        discrete, continuous = policy.head.sample(outputs, noise, mask)
-        view.discrete[...] = discrete.cpu().numpy()
-        if not policy.head.size:
-            return ActionBatch(view.discrete, view.continuous)
-        view.continuous[...] = continuous.cpu().numpy()
-        return ActionBatch(view.discrete, policy.head.to_bounds(continuous).cpu().numpy())
+        return self.recorder.act(engine)
 
     def record(self, engine: int, batch: Batch) -> None:
         """Take the outcome of the last actions, and the observations to act on next."""
-        step = self._steps[engine]
-        views = self._rollout.views[engine]
-        views[step].write_outcome(batch)
-        views[step + 1].write_state(batch)
-        if len(batch.final_index):
-            self._rollout.add_finals(engine, step, batch)
-        if self.policy.memory_size:
-            goes_on = views[step].is_active & ~(batch.terminated | batch.truncated)
-            keep = as_tensor(goes_on, self._device).unsqueeze(1)
-            self._memory[self._rows[engine]] *= keep
-        self._steps[engine] = step + 1
+        self.recorder.record(engine, batch)
+
+    # --- across machines ------------------------------------------------------------------------
+
+    def plan(self) -> int:
+        """Return the steps to play now: the rest of the rollout."""
+        return self.num_steps_left
+
+    def learn_meanwhile(self) -> None:
+        """Take the gradient steps that are left of the rollout before; only with ``overlap``."""
+        self._finish()
+
+    def put(self, parts: Mapping[range, Recording]) -> None:
+        """Take what the recorders on all machines have recorded, by engines."""
+        for engines, part in parts.items():
+            self.recorder.put(engines, part)
+
+    def forget(self) -> None:
+        """Note that every engine was reset elsewhere."""
+        self._scaler.forget()
+        self.recorder.forget()
 
     # --- learning -------------------------------------------------------------------------------
 
@@ -213,24 +195,21 @@ class PPO:
         transitions = self._transitions()
         self._take_samples()
         if self.config.overlap:
-            self._collector.load_state_dict(self.policy.state_dict())
+            self.recorder.policy.load_state_dict(self.policy.state_dict())
             # A copy: the next rollout overwrites the arrays of this one.
             every = torch.arange(len(transitions), device=self._device)
             transitions = replace(transitions.rows(every), sequences=transitions.sequences)
         if len(transitions):
             self._pending = self._optimise(transitions)
             num_parts = math.ceil(len(transitions) / self.config.minibatch_size)
-            num_calls = self.config.rollout_steps * len(self._rows)
+            num_calls = self.config.rollout_steps * len(self.recorder.steps)
             self._steps_per_call = self.config.epochs * num_parts / num_calls
             self._steps_owed = 0.0
         if not self.config.overlap:
             self._finish()
             losses, self._losses = self._losses, {}
         self._update_statistics()
-        self._rollout.restart()
-        self._first_memory.copy_(self._memory)
-        self._has_noise = False
-        self._steps = [0] * len(self._steps)
+        self.recorder.restart()
         losses["learning_rate"] = self._learning_rate
         losses["num_transitions"] = float(len(transitions))
         if self.policy.head.log_std is not None and self.policy.head.size:
@@ -341,13 +320,15 @@ class PPO:
     def _transitions(self) -> Transitions:
         """Compute values, log-probabilities and advantages of the rollout; drop inactive slots."""
         rollout, num_steps, device = self._rollout, self._rollout.num_steps, self._device
-        inputs = self._collector.encoder(_flat(rollout.observation, device))
-        features = self._collector.features(inputs)
+        inputs = self.recorder.policy.encoder(_flat(rollout.observation, device))
+        features = self.recorder.policy.features(inputs)
         states = before = None
         if self.policy.memory_size:
             keep = self._keep()
-            states, features = run_memory(self._collector, features, self._first_memory, keep)
-            before = torch.cat([self._first_memory.unsqueeze(0), states[:-1]])
+            states, features = run_memory(
+                self.recorder.policy, features, self.recorder.first_memory, keep
+            )
+            before = torch.cat([self.recorder.first_memory.unsqueeze(0), states[:-1]])
         value = self.value(features).view(num_steps + 1, -1)
         num_actions = num_steps * rollout.num_agents
         discrete = as_tensor(rollout.discrete, device).flatten(0, 1)
@@ -355,7 +336,7 @@ class PPO:
         mask = None
         if rollout.has_mask:
             mask = as_tensor(rollout.mask[:-1], device).flatten(0, 1)
-        outputs = self._collector.actor(features[:num_actions])
+        outputs = self.recorder.policy.actor(features[:num_actions])
         log_prob, _ = self.policy.head.evaluate(outputs, discrete, continuous, mask)
 
         advantage = self._advantage(value, states)
@@ -396,11 +377,11 @@ class PPO:
         next_value = torch.where(truncated, value[:-1], value[1:])
         finals = rollout.finals()
         if finals is not None:
-            inputs = self._collector.encoder(as_tensors(finals.observation, device))
+            inputs = self.recorder.policy.encoder(as_tensors(finals.observation, device))
             step, slot = as_tensor(finals.step, device), as_tensor(finals.slot, device)
-            features = self._collector.features(inputs)
+            features = self.recorder.policy.features(inputs)
             if states is not None:
-                features = self._collector.remember(features, states[step, slot])
+                features = self.recorder.policy.remember(features, states[step, slot])
             next_value[step, slot] = self.value(features)
         next_value.masked_fill_(has_ended, 0.0)
         is_done = has_ended | truncated
@@ -411,7 +392,7 @@ class PPO:
         return generalised_advantage(reward, value[:-1], next_value, is_done, discounts)
 
     def _update_statistics(self) -> None:
-        for policy in {id(each): each for each in (self.policy, self._collector)}.values():
+        for policy in {id(each): each for each in (self.policy, self.recorder.policy)}.values():
             if policy.encoder.normaliser is None:
                 return
             is_active = self._rollout.is_active[:-1]
@@ -444,10 +425,10 @@ class PPO:
             "samples": self._samples,
         }
         if self.config.overlap:
-            parts["collector"] = self._collector.state_dict()
+            parts["collector"] = self.recorder.policy.state_dict()
         tensors = join_names(parts, ".") | {"generator": self._generator.get_state()}
         copies = {name: value.detach().cpu().clone() for name, value in tensors.items()}
-        return LearnerState(copies, {"losses": self._losses})
+        return LearnerState(copies, {"losses": self._losses, "rollouts": self.recorder.number})
 
     def load_state(self, state: LearnerState) -> None:
         """Go on from ``state``; call :meth:`begin` next."""
@@ -456,11 +437,13 @@ class PPO:
         load_tensors(self._scaler, state.tensors, "scaler.")
         if self.config.overlap:
             is_saved = any(name.startswith("collector.") for name in state.tensors)
-            load_tensors(self._collector, state.tensors, "collector." if is_saved else "policy.")
+            load_tensors(
+                self.recorder.policy, state.tensors, "collector." if is_saved else "policy."
+            )
         self._optimiser.load_state(with_prefix(state.tensors, "optimiser."))
         self._generator.set_state(state.tensors["generator"])
         self._losses = dict(state.values.get("losses", {}))
-        self._has_noise = False
+        self.recorder.number = int(state.values.get("rollouts", 0))
 
 
 def equal_parts(length: int, num_parts: int) -> list[slice]:

@@ -21,7 +21,7 @@ from ludus.networks.tensors import as_tensor
 from ludus.spec import PolicySpec
 from ludus.spec.batch import Batch
 
-__all__ = ["Replay", "Sample"]
+__all__ = ["Replay", "Sample", "transitions"]
 
 Array = NDArray[Any]
 
@@ -77,36 +77,8 @@ class Replay:
             self._arrays["next_mask"] = np.zeros((capacity, spec.mask_size), np.bool_)
         self._tensors = {name: as_tensor(array) for name, array in self._arrays.items()}
 
-    def add(self, last: SlotState, batch: Batch) -> int:
-        """Store what came of the actions of ``last``, for the slots that were active then.
-
-        Where an episode ended, the next observation is the final one, not the batch's, which is
-        the first of the next episode. A slot that falls silent without an end has terminated.
-        Where a truncated episode has no final observation, because its engine vanished, nobody
-        knows where the action led, and the transition is left out. The final observation has no
-        mask; that of the state before it stands in.
-
-        Returns:
-            How many were stored.
-        """
-        fields: dict[str, Array] = {
-            "discrete": last.discrete,
-            "continuous": last.continuous,
-            "reward": batch.reward,
-            "is_terminated": batch.terminated | ~(batch.active | batch.truncated),
-        }
-        for name in self._names:
-            fields[f"observation.{name}"] = last.observation[name]
-            fields[f"next_observation.{name}"] = _next_observation(batch, name)
-        if batch.action_mask is not None:
-            fields["mask"] = last.mask
-            is_truncated = batch.truncated[:, np.newaxis]
-            fields["next_mask"] = np.where(is_truncated, last.mask, batch.action_mask)
-        is_kept = last.is_active
-        if batch.truncated.any():
-            is_kept = is_kept & ~_is_lost(batch)
-        if not is_kept.all():
-            fields = {name: values[is_kept] for name, values in fields.items()}
+    def add(self, fields: Mapping[str, Array]) -> int:
+        """Store what :func:`transitions` returned; return how many transitions that were."""
         num_new = len(fields["reward"])
         self._write(fields, num_new)
         return num_new
@@ -188,6 +160,39 @@ class Replay:
             name: self._tensors[f"{kind}.{name}"].index_select(0, index).to(device)
             for name in self._names
         }
+
+
+def transitions(last: SlotState, batch: Batch) -> dict[str, Array]:
+    """Return what came of the actions of ``last``, for the slots that were active then, by name.
+
+    Where an episode ended, the next observation is the final one, not the batch's, which is the
+    first of the next episode. A slot that falls silent without an end has terminated. Where a
+    truncated episode has no final observation, because its engine vanished, nobody knows where the
+    action led, and the transition is left out. The final observation has no mask; that of the state
+    before it stands in.
+
+    Returns:
+        Rows of the arrays of a replay; views of ``last`` and ``batch``, where all slots are kept.
+    """
+    fields: dict[str, Array] = {
+        "discrete": last.discrete,
+        "continuous": last.continuous,
+        "reward": batch.reward,
+        "is_terminated": batch.terminated | ~(batch.active | batch.truncated),
+    }
+    for name, observation in last.observation.items():
+        fields[f"observation.{name}"] = observation
+        fields[f"next_observation.{name}"] = _next_observation(batch, name)
+    if batch.action_mask is not None:
+        fields["mask"] = last.mask
+        is_truncated = batch.truncated[:, np.newaxis]
+        fields["next_mask"] = np.where(is_truncated, last.mask, batch.action_mask)
+    is_kept = last.is_active
+    if batch.truncated.any():
+        is_kept = is_kept & ~_is_lost(batch)
+    if not is_kept.all():
+        fields = {name: values[is_kept] for name, values in fields.items()}
+    return fields
 
 
 def _next_observation(batch: Batch, name: str) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +17,7 @@ from ludus.spec.batch import Batch
 __all__ = ["FinalObservations", "Rollout", "SlotState", "SlotViews"]
 
 Array = NDArray[Any]
+_OUTCOMES = ("discrete", "continuous", "reward", "terminated", "truncated")
 
 
 @dataclass(frozen=True)
@@ -152,17 +154,65 @@ class Rollout:
         self._finals.append(FinalObservations(np.full(len(slots), step), slots, kept))
 
     def finals(self) -> FinalObservations | None:
-        """Return all final observations of the rollout, None if there are none."""
+        """Return all final observations of the rollout by step and slot, None if there are none."""
         if not self._finals:
             return None
-        return FinalObservations(
-            np.concatenate([part.step for part in self._finals]),
-            np.concatenate([part.slot for part in self._finals]),
-            {
-                name: np.concatenate([part.observation[name] for part in self._finals])
-                for name in self.observation
-            },
-        )
+        step = np.concatenate([part.step for part in self._finals])
+        slot = np.concatenate([part.slot for part in self._finals])
+        # Parts of other machines come in another order, which must change nothing.
+        order = np.lexsort((slot, step))
+        observation = {
+            name: np.concatenate([part.observation[name] for part in self._finals])[order]
+            for name in self.observation
+        }
+        return FinalObservations(step[order], slot[order], observation)
+
+    def take(self, start: int, stop: int) -> dict[str, Array]:
+        """Return views of some steps, the state after the last one among them, by name.
+
+        Final observations are returned once.
+        """
+        part = {
+            f"observation.{name}": of[start : stop + 1] for name, of in self.observation.items()
+        }
+        part["is_active"] = self.is_active[start : stop + 1]
+        if self.has_mask:
+            part["mask"] = self.mask[start : stop + 1]
+        for name in _OUTCOMES:
+            part[name] = getattr(self, name)[start:stop]
+        finals = self.finals()
+        if finals is not None:
+            part["final.step"], part["final.slot"] = finals.step, finals.slot
+            part |= {f"final.observation.{name}": of for name, of in finals.observation.items()}
+        self._finals.clear()
+        return part
+
+    def put(self, engines: range, start: int, part: Mapping[str, Array]) -> int:
+        """Write what :meth:`take` of another rollout returned, that of some of the engines.
+
+        Args:
+            engines: Which of the engines of this rollout.
+            start: First step.
+            part: Of those engines.
+
+        Returns:
+            How many steps were written.
+        """
+        rows = slice(self._rows[engines[0]].start, self._rows[engines[-1]].stop)
+        num_steps = len(part["reward"])
+        states = slice(start, start + num_steps + 1)
+        for name, array in self.observation.items():
+            array[states, rows] = part[f"observation.{name}"]
+        self.is_active[states, rows] = part["is_active"]
+        if self.has_mask:
+            self.mask[states, rows] = part["mask"]
+        for name in _OUTCOMES:
+            getattr(self, name)[states.start : states.stop - 1, rows] = part[name]
+        if "final.step" in part:
+            finals = {name: part[f"final.observation.{name}"] for name in self.observation}
+            slot = part["final.slot"] + rows.start
+            self._finals.append(FinalObservations(part["final.step"], slot, finals))
+        return num_steps
 
     def restart(self) -> None:
         """Begin the next rollout where this one ended."""

@@ -5,18 +5,19 @@ expectation over actions is taken in full (Christodoulou 2019, arXiv:1910.07207)
 equations are those of the first paper unless it says otherwise.
 
 Each step of all agents makes the learner owe ``updates_per_step`` gradient steps. They are taken
-right after actions were sent to an engine, so that learning and simulation overlap.
+right after actions were sent to the last engine, so that learning and simulation overlap.
 """
 
 from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, cast
 
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from ludus.algorithms.adam import Adam, as_one_vector, learning_rate_at
@@ -28,8 +29,9 @@ from ludus.algorithms.losses import (
     squashed_log_prob,
     temperature_loss,
 )
+from ludus.algorithms.recorder import Recording
 from ludus.algorithms.replay import Replay, Sample
-from ludus.algorithms.rollout import SlotState
+from ludus.algorithms.sac_recorder import SACRecorder, in_order
 from ludus.algorithms.twin_critic import TwinCritic
 from ludus.errors import ConfigError, SequenceError
 from ludus.networks.dense import Network, accelerate
@@ -38,8 +40,6 @@ from ludus.networks.distributions import masked_log_softmax
 from ludus.networks.networks import Inputs
 from ludus.networks.policy import Policy
 from ludus.networks.tensors import (
-    as_tensor,
-    as_tensors,
     join_names,
     load_tensors,
     to_numbers,
@@ -119,12 +119,11 @@ class SAC:
         self._build_temperature()
         self._learning_rate = config.learning_rate
         self._replay = Replay(policy.spec, config.replay_capacity)
-        self._last = [
-            SlotState.allocate(policy.spec, rows.stop - rows.start) for rows in settings.engine_rows
-        ]
+        acting = copy.deepcopy(policy) if config.sync_steps > 1 else policy
+        self.recorder = SACRecorder(acting, settings, self._store)
+        self._is_up_to_date = False
         self._generator = torch.Generator(self._device).manual_seed(settings.seed)
         self._replay_generator = torch.Generator().manual_seed(settings.seed + 1)
-        self._steps = [0] * len(self._last)
         self._steps_owed = 0.0
         self._num_recorded = 0
         self._num_unseen = 0
@@ -175,52 +174,66 @@ class SAC:
     @property
     def num_steps_left(self) -> int:
         """Steps of every engine until the next update."""
-        return self.config.report_steps - min(self._steps)
+        return self.config.report_steps - min(self.recorder.steps)
 
     def begin(self, engine: int, batch: Batch) -> None:
         """Take the first observations of an engine that was reset."""
-        self._steps[engine] = 0
-        self._last[engine].write_state(batch)
+        self.recorder.begin(engine, batch)
+        self._is_up_to_date = False
+        self._choose_exploring()
 
-    @torch.inference_mode()
     def act(self, engine: int) -> ActionBatch:
         """Return actions for the last observations; views that the engine's next ones overwrite."""
-        last, device, policy = self._last[engine], self._device, self.policy
-        num, head = len(last.is_active), policy.head
-        mask = as_tensor(last.mask, device) if head.num_logits and last.mask.size else None
-        noise = torch.empty(num, head.num_noise, device=device)
-        head.fill_noise(noise, self._generator)
-        if self._num_recorded < self.config.learning_starts:
-            discrete, continuous = self._explore(noise, mask)
-        else:
-            is_on_cpu = device.type == "cpu"
-            observation = last.tensors if is_on_cpu else as_tensors(last.observation, device)
-            outputs = policy.actor(policy.features(policy.encoder(observation)))
-            discrete, continuous = head.sample(outputs, noise, mask)
-        last.discrete[...] = discrete.cpu().numpy()
-        if not head.size:
-            return ActionBatch(last.discrete, last.continuous)
-        last.continuous[...] = continuous.tanh().cpu().numpy()
-        return ActionBatch(last.discrete, head.to_bounds(continuous).cpu().numpy())
+        if self.recorder.acted[engine] % self.config.sync_steps == 0:
+            self._hand_over()
+        return self.recorder.act(engine)
 
-    def _explore(self, noise: Tensor, mask: Tensor | None) -> tuple[Tensor, Tensor]:
-        """Return actions that are uniform over all that are allowed, before tanh."""
-        head = self.policy.head
-        outputs = torch.zeros(len(noise), head.num_outputs, device=self._device)
-        discrete, _ = head.sample(outputs, noise, mask)
-        normal = noise[:, head.num_logits :]
-        return discrete, torch.atanh(torch.erf(normal * math.sqrt(0.5)))
+    def _hand_over(self) -> None:
+        """Let the recorder act with the newest network, if it has an own one that is older."""
+        if self.recorder.policy is not self.policy and not self._is_up_to_date:
+            self.recorder.policy.load_state_dict(self.policy.state_dict())
+            self._is_up_to_date = True
 
     def record(self, engine: int, batch: Batch) -> None:
         """Take the outcome of the last actions, and the observations to act on next."""
-        last = self._last[engine]
-        num_new = self._replay.add(last, batch)
+        self.recorder.record(engine, batch)
+
+    def _store(self, engine: int, fields: Mapping[str, NDArray[Any]]) -> None:
+        """Take the transitions of one step of one engine."""
+        num_new = self._replay.add(fields)
         self._num_recorded += num_new
         self._num_unseen += num_new
-        last.write_state(batch)
-        self._steps[engine] += 1
         if self._replay.size >= min(max(1, self.config.learning_starts), self._replay.capacity):
-            self._steps_owed += self.config.updates_per_step / len(self._last)
+            self._steps_owed += self.config.updates_per_step / len(self.recorder.steps)
+
+    def _choose_exploring(self) -> None:
+        self.recorder.is_exploring = self._num_recorded < self.config.learning_starts
+
+    # --- across machines ------------------------------------------------------------------------
+
+    def plan(self) -> int:
+        """Return the steps to play now, until the recorders need a newer network."""
+        num_done = self.recorder.steps[0] % self.config.sync_steps
+        if num_done == 0:
+            self._hand_over()
+        return min(self.config.sync_steps - num_done, self.num_steps_left)
+
+    def learn_meanwhile(self) -> None:
+        """Take the gradient steps that are due, if the recorders have just got a network."""
+        if self.recorder.steps[0] % self.config.sync_steps == 0:
+            self._learn_owed()
+
+    def put(self, parts: Mapping[range, Recording]) -> None:
+        """Take what the recorders on all machines have recorded, by engines."""
+        for engine, fields in in_order(parts):
+            self._store(engine, fields)
+            self.recorder.steps[engine] += 1
+
+    def forget(self) -> None:
+        """Note that every engine was reset elsewhere."""
+        self.recorder.forget()
+        self._is_up_to_date = False
+        self._choose_exploring()
 
     # --- driven from outside --------------------------------------------------------------------
 
@@ -248,7 +261,19 @@ class SAC:
     # --- learning -------------------------------------------------------------------------------
 
     def learn_while_stepping(self) -> None:
-        """Take the gradient steps that are due while engines simulate."""
+        """Take the gradient steps that are due while engines simulate.
+
+        Only while all engines are in the same step, the first one with the newest network. So what
+        an engine does never depends on when another one answers, and a run stays the same to the
+        bit when its engines are spread over machines.
+        """
+        num_steps = max(self.recorder.steps)
+        if min(self.recorder.acted) > num_steps and num_steps % self.config.sync_steps == 0:
+            self._learn_owed()
+
+    def _learn_owed(self) -> None:
+        self._is_up_to_date = False
+        self._choose_exploring()
         num_steps = int(self._steps_owed)
         if not num_steps:
             return
@@ -262,7 +287,7 @@ class SAC:
 
     def update(self, progress: float) -> dict[str, float]:
         """Take the gradient steps that are left; return means since the last update."""
-        self.learn_while_stepping()
+        self._learn_owed()
         self._learning_rate = learning_rate_at(progress, self.config)
         metrics: dict[str, float] = {}
         if self._num_summed:
@@ -273,7 +298,7 @@ class SAC:
         metrics["gradient_steps"] = float(self._num_gradient_steps)
         metrics["replay_size"] = float(self._replay.size)
         self._update_statistics()
-        self._steps = [0] * len(self._steps)
+        self.recorder.restart()
         self._num_summed = 0
         self._sums.zero_()
         return metrics
@@ -411,6 +436,7 @@ class SAC:
             "num_recorded": self._num_recorded,
             "num_unseen": self._num_unseen,
             "gradient_steps": self._num_gradient_steps,
+            "updates": self.recorder.number,
         }
         return LearnerState(copies, values, self._replay.state() if self.config.save_replay else {})
 
@@ -434,6 +460,7 @@ class SAC:
         self._num_recorded = int(values["num_recorded"])
         self._num_unseen = int(values["num_unseen"]) if state.replay else 0
         self._num_gradient_steps = int(values["gradient_steps"])
+        self.recorder.number = int(values.get("updates", 0))
 
     def _modules(self) -> dict[str, nn.Module]:
         return {"policy": self.policy, "critic": self._critic, "target": self._target}

@@ -4,18 +4,53 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
 import torch
 
-from ludus.algorithms.learner import Learner
+from ludus.algorithms.learners import policy_seed
+from ludus.algorithms.recorder import stream_seed
 from ludus.league.league import League
 from ludus.networks.policy import Player, Policy
-from ludus.networks.tensors import to_numbers
 from ludus.settings.policy_config import Mode
 from ludus.spec.batch import ActionBatch, Batch
 
-__all__ = ["PolicySlot"]
+__all__ = ["Plays", "PolicySlot", "frozen_seed"]
+
+
+class Plays(Protocol):
+    """What of a :class:`~ludus.algorithms.learner.Learner` a slot needs."""
+
+    @property
+    def policy(self) -> Policy:
+        """What acts."""
+        ...
+
+    @property
+    def num_steps_left(self) -> int:
+        """Steps of every engine until the next update."""
+        ...
+
+    def begin(self, engine: int, batch: Batch) -> None:
+        """Take the first observations of an engine that was reset."""
+        ...
+
+    def act(self, engine: int) -> ActionBatch:
+        """Return the actions for the last observations."""
+        ...
+
+    def record(self, engine: int, batch: Batch) -> None:
+        """Take the outcome of the last actions, and the observations to act on next."""
+        ...
+
+    def learn_while_stepping(self) -> None:
+        """Learn a little while engines simulate."""
+        ...
+
+
+def frozen_seed(seed: int | None, policy: str) -> int:
+    """Return the seed of what a policy of a run draws in mode ``frozen``."""
+    return policy_seed((seed or 0) + 1, policy)
 
 
 class PolicySlot:
@@ -30,16 +65,24 @@ class PolicySlot:
         engine_slots: Slots of the policy in each engine.
         seed: Of the actions in mode ``frozen``.
         league: None without self-play.
+        first_engine: Number of the first engine among those of all machines.
     """
 
     def __init__(
-        self, learner: Learner, engine_slots: list[int], seed: int, league: League | None = None
+        self,
+        learner: Plays,
+        engine_slots: list[int],
+        seed: int,
+        league: League | None = None,
+        first_engine: int = 0,
     ) -> None:
         self.learner = learner
         self._league = league
         self._engine_slots = engine_slots
         self._mode: Mode = "train"
-        self._generator = torch.Generator(learner.policy.device).manual_seed(seed)
+        self._seed = seed
+        self._first_engine = first_engine
+        self._generators = [torch.Generator(learner.policy.device) for _ in engine_slots]
         self._players: list[Player] = []
         self._batches: list[Batch | None] = [None] * len(engine_slots)
 
@@ -71,12 +114,19 @@ class PolicySlot:
         if mode == self._mode:
             return
         self._mode = mode
-        generator = self._generator if mode == "frozen" else None
-        self._players = [Player(self.policy, slots, generator) for slots in self._engine_slots]
+        self._players = [
+            Player(self.policy, slots, generator if mode == "frozen" else None)
+            for slots, generator in zip(self._engine_slots, self._generators, strict=True)
+        ]
         if mode == "train":
             for engine, batch in enumerate(self._batches):
                 if batch is not None:
                     self.learner.begin(engine, batch)
+
+    def advance(self, updates: int) -> None:
+        """Draw the actions of mode ``frozen`` from streams that nothing but ``updates`` decides."""
+        for engine, generator in enumerate(self._generators, self._first_engine):
+            generator.manual_seed(stream_seed(self._seed, updates, engine))
 
     def begin(self, engine: int, batch: Batch) -> Batch:
         """Take the first observations of an engine that was reset.
@@ -116,14 +166,13 @@ class PolicySlot:
             self.learner.learn_while_stepping()
 
     def state(self) -> dict[str, Any]:
-        """Return mode and random stream as JSON values."""
-        return {"mode": self._mode, "generator": to_numbers(self._generator.get_state())}
+        """Return the mode as a JSON value."""
+        return {"mode": self._mode}
 
     def load_state(self, state: Mapping[str, Any]) -> None:
         """Go on from :meth:`state`; call :meth:`begin` next."""
         self._batches = [None] * len(self._engine_slots)
         self.set_mode(state["mode"])
-        self._generator.set_state(torch.tensor(state["generator"], dtype=torch.uint8))
 
     def _take(self, engine: int, batch: Batch) -> Batch:
         if self._league is not None:

@@ -135,6 +135,8 @@ class SACConfig(Settings):
         updates_per_step: Gradient steps for each step of all agents; below 1 learns every few
             steps.
         report_steps: Steps of every agent between two lines of metrics.
+        sync_steps: Steps of every agent between two looks at the newest network. More are one call
+            of each machine of a cluster instead of many, with actions of a network that much older.
         discount: Gamma: how much a reward is worth one step earlier.
         target_rate: Tau: share of the critics that their targets take over in each gradient step.
         temperature: Weight of the entropy; learned if not given.
@@ -160,6 +162,7 @@ class SACConfig(Settings):
     learning_starts: int = setting(1000, AT_LEAST_0)
     updates_per_step: float = setting(1.0, ABOVE_0)
     report_steps: int = setting(128, AT_LEAST_1)
+    sync_steps: int = setting(1, AT_LEAST_1)
     discount: float = setting(0.99, FROM_0_TO_1)
     target_rate: float = setting(0.005, FROM_0_TO_1)
     temperature: float | None = setting(None, optional(ABOVE_0))
