@@ -20,6 +20,7 @@
     │   ├── ProtocolError     the engine sent something that PROTOCOL.md does not allow
     │   └── GameError         the game reported a mistake of its own, or sent NaN
     └── RunError              a training run cannot go on (exit code 5)
+        ├── MachineLost       a worker of the run died, or does not answer
         ├── CheckpointError   a checkpoint is missing, corrupt or of another spec
         ├── ParityError       an exported policy computes something else than the trained one
         └── DivergenceError   a loss became NaN or infinite
@@ -45,6 +46,7 @@ __all__ = [
     "EngineTimeout",
     "GameError",
     "LudusError",
+    "MachineLost",
     "MissingExtra",
     "ParityError",
     "PolicyFileError",
@@ -170,6 +172,10 @@ class RunError(LudusError):
     """A training run cannot go on."""
 
     exit_code = 5
+
+
+class MachineLost(RunError):  # noqa: N818 - reads as what happened
+    """A worker of the run, or its machine, died, or does not answer."""
 
 
 class CheckpointError(RunError):

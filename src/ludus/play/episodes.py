@@ -76,12 +76,16 @@ class EpisodeTracker:
         if not len(ended):
             return _NONE_ENDED
         episodes = EndedEpisodes(ended, returns[ended], lengths[ended])
-        self.returns.extend(episodes.returns.tolist())
-        self.lengths.extend(episodes.lengths.tolist())
-        self.num_episodes += len(ended)
+        self.add(episodes)
         returns[ended] = 0.0
         lengths[ended] = 0
         return episodes
+
+    def add(self, ended: EndedEpisodes) -> None:
+        """Take episodes that ended."""
+        self.returns.extend(ended.returns.tolist())
+        self.lengths.extend(ended.lengths.tolist())
+        self.num_episodes += len(ended.slots)
 
     def summary(self) -> dict[str, float]:
         """Return mean and spread of the last episodes; empty before the first one ended."""

@@ -28,7 +28,7 @@ from ludus.spec.batch import ActionBatch, Batch, Batches, StepTimes
 from ludus.wire.requests import MetricSummary, add_metrics
 from ludus.wire.reset import Parameters, ResetAction, ResetRequest
 
-__all__ = ["EnginePool"]
+__all__ = ["EnginePool", "join_batches"]
 
 _log = logging.getLogger(__name__)
 _RESTARTABLE = (EngineCrashed, EngineTimeout)
@@ -311,7 +311,7 @@ class EnginePool:
     def _joined(self) -> Batches:
         parts = [batches for batches in self._last if batches is not None]
         return {
-            name: _join([batches[name] for batches in parts], policy)
+            name: join_batches([batches[name] for batches in parts], policy)
             for name, policy in self._policies.items()
         }
 
@@ -439,10 +439,10 @@ def _open_all(open_engine: Callable[[int], Session], num_engines: int) -> list[S
     return sessions
 
 
-def _join(parts: list[Batch], policy: PolicySpec) -> Batch:
-    """Return one batch over all engines; copies."""
+def join_batches(parts: list[Batch], policy: PolicySpec) -> Batch:
+    """Return one batch over all engines, or over those of all machines; copies."""
     masks = [part.action_mask for part in parts if part.action_mask is not None]
-    size = policy.num_agents
+    starts = np.cumsum([0, *(part.num_agents for part in parts)])
     return Batch(
         observation={
             e.name: _stacked([part.observation[e.name] for part in parts])
@@ -453,7 +453,9 @@ def _join(parts: list[Batch], policy: PolicySpec) -> Batch:
         truncated=_stacked([part.truncated for part in parts]),
         active=_stacked([part.active for part in parts]),
         action_mask=_stacked(masks) if masks else None,
-        final_index=_stacked([p.final_index + k * size for k, p in enumerate(parts)]),
+        final_index=_stacked(
+            [part.final_index + start for part, start in zip(parts, starts, strict=False)]
+        ),
         final_observation={
             e.name: _stacked([part.final_observation[e.name] for part in parts])
             for e in policy.observation

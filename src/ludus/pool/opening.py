@@ -163,7 +163,8 @@ def _reserve_cores(config: PoolConfig, *, is_started_by_us: bool = True) -> Rese
 
 
 def _log_path(config: PoolConfig, engine: int) -> Path | None:
-    return config.log_dir / f"engine-{engine}.log" if config.log_dir else None
+    name = f"engine-{config.first_engine + engine}.log"
+    return config.log_dir / name if config.log_dir else None
 
 
 def _check_legacy(bridge: Bridge, config: PoolConfig) -> None:
@@ -198,7 +199,7 @@ def _check(config: PoolConfig, target: EngineTarget) -> None:
 def _engine_config(config: PoolConfig, engine: int) -> EngineConfig:
     return EngineConfig(
         num_worlds=config.num_worlds,
-        first_world=engine * config.num_worlds,
+        first_world=(config.first_engine + engine) * config.num_worlds,
         layout=config.layout,
         ticks_per_step=config.ticks_per_step,
         max_episode_steps=config.max_episode_steps,

@@ -64,12 +64,14 @@ class PoolConfig(GameConfig):
             3000 where a core is left beside the engines, else 0. After six empty or interrupted
             polls, that side blocks for 0.1 s, doubling up to 1 s: another process needs the core.
         launch: How games are started and watched.
+        first_engine: Number of the first engine, where others are on other machines.
     """
 
     log_dir: Path | None = None
     max_restarts: int = setting(DEFAULT_RESTARTS, AT_LEAST_0)
     spin_us: int | None = setting(None, optional(AT_LEAST_0))
     launch: LaunchOptions = field(default_factory=LaunchOptions)
+    first_engine: int = setting(0, AT_LEAST_0)
 
     @classmethod
     def of(cls, config: GameConfig, **more: Any) -> PoolConfig:

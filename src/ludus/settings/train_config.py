@@ -33,6 +33,10 @@ Sink = Literal["wandb", "mlflow", "trackio"]
 
 
 SEED = Check("from 0 to 2^63 - 1", lambda seed: 0 <= seed < 2**63)
+CLUSTER = Check(
+    "local:N with N worker processes, 1 to 999",
+    lambda cluster: re.fullmatch(r"local:[1-9][0-9]{0,2}", cluster) is not None,
+)
 FOLDER_NAME = Check(
     "a folder name",
     lambda name: (
@@ -86,7 +90,10 @@ class TrainConfig(GameConfig):
     Attributes:
         target: What to train in: an example, a project folder, a scene, an exported game, an
             address, or gym:ENV_ID for any Gymnasium environment.
-        max_restarts: How often, in all, an engine that died or froze is started again.
+        max_restarts: How often, in all, an engine that died or froze is started again; on a
+            cluster, in all of a machine.
+        cluster: Who plays beside this process: local:N for N worker processes of this machine, each
+            with num_engines engines; if not given, this process plays itself.
         seed: Seed of worlds, networks and sampling; random if not given; saved in
             config.json.
         total_steps: Agent steps after which training ends.
@@ -129,6 +136,7 @@ class TrainConfig(GameConfig):
     num_worlds: int = setting(64, AT_LEAST_1)
     num_engines: int = setting(2, AT_LEAST_1)
     max_restarts: int = setting(DEFAULT_RESTARTS, AT_LEAST_0)
+    cluster: str | None = setting(None, optional(CLUSTER))
     seed: int | None = setting(None, optional(SEED))
     total_steps: int = setting(2_000_000, AT_LEAST_1)
     max_time_s: float | None = setting(None, optional(ABOVE_0))

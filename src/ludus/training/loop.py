@@ -37,6 +37,7 @@ from ludus.training.hooks import Hooks, Training
 from ludus.training.interrupt import Interrupts
 from ludus.training.progress import Reporter, RunResult, SilentReporter, StopReason
 from ludus.training.trainer import Trainer
+from ludus.workers.opening import open_machines
 
 __all__ = ["log_file", "open_training_pool", "require_pool", "train", "write_result"]
 
@@ -71,7 +72,7 @@ def train(
         own: Networks and learners of a script.
 
     Raises:
-        UsageError: ``pool`` is none.
+        UsageError: ``pool`` is none, or does not go with ``config.cluster``.
         ConfigError: A setting is unknown or does not fit.
         CheckpointError: The run to resume has no checkpoint that fits.
         DivergenceError: A loss became NaN; the state lies in the run folder under ``diverged``.
@@ -83,6 +84,7 @@ def train(
     layers = [python_layer(config)] if isinstance(config, TrainConfig) else config
     before = merge(layers)
     require_trackers(before.track)
+    _check_cluster(before, pool, parts.own)
     folder = RunFolder.find(resume) if resume else RunFolder.create(before)
     log_sizes = _log_sizes(folder)
     try:
@@ -281,6 +283,19 @@ def require_pool(pool: object) -> None:
         )
 
 
+def _check_cluster(config: TrainConfig, pool: Pool | None, own: OwnParts) -> None:
+    if config.cluster is not None and pool is not None:
+        raise UsageError(
+            "cluster and pool exclude each other: the engines of a pool are here",
+            "leave out one of them",
+        )
+    if config.cluster is not None and own.networks:
+        raise UsageError(
+            "networks of a script stay in the script's process, and cannot act on a cluster",
+            "leave out cluster, or use Ludus's own networks (hidden_sizes, memory_size)",
+        )
+
+
 def _evaluate(
     learners: Mapping[str, Learner], pool: Pool, config: TrainConfig, folder: RunFolder
 ) -> dict[str, Evaluation]:
@@ -323,7 +338,11 @@ def _pool_for(
     if pool is not None:
         yield pool
         return
-    with open_training_pool(config, folder.engine_logs) as opened:
+    if config.cluster is not None:
+        opened = open_machines(config, folder.engine_logs)
+    else:
+        opened = open_training_pool(config, folder.engine_logs)
+    with contextlib.closing(opened):
         yield opened
 
 

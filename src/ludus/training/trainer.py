@@ -18,7 +18,7 @@ from ludus.algorithms.ppo import PPO
 from ludus.algorithms.sac import SAC
 from ludus.errors import DivergenceError, RunError
 from ludus.league.league import League
-from ludus.league.policy_slot import PolicySlot
+from ludus.league.policy_slot import PolicySlot, frozen_seed
 from ludus.networks.policy import Policy
 from ludus.play.episodes import EpisodeTracker
 from ludus.pool.interface import Pool
@@ -32,9 +32,11 @@ from ludus.settings.plain import to_plain
 from ludus.settings.policy_config import Mode
 from ludus.settings.train_config import TrainConfig
 from ludus.spec import PolicySpec
-from ludus.training.collect import Collector, CollectTimes, OnEpisodes
 from ludus.training.modes import ModeSchedule
 from ludus.training.progress import Progress, Reporter
+from ludus.workers.collect import Collector, CollectTimes, OnEpisodes
+from ludus.workers.interface import Workers
+from ludus.workers.remote import RemotePool, RemoteWorkers
 
 __all__ = ["Trainer", "TrainerCallback"]
 
@@ -91,7 +93,7 @@ class Trainer:
         policies = {name: learner.policy for name, learner in learners.items()}
         self._league = make_league(config, pool, policies)
         self._slots = {name: self._make_slot(learner) for name, learner in learners.items()}
-        self._collector = Collector(pool, self._slots, self._trackers, self._league)
+        self._workers = self._make_workers()
         self._schedule = ModeSchedule(config)
         self._store = folder.checkpoints(config.keep_checkpoints)
         self._steps_per_s = 0.0
@@ -101,8 +103,13 @@ class Trainer:
     def _make_slot(self, learner: Learner) -> PolicySlot:
         name = learner.policy.spec.name
         slots = [learner.policy.spec.num_agents] * self._pool.num_engines
-        seed = policy_seed((self.config.seed or 0) + 1, name)
-        return PolicySlot(learner, slots, seed, self._league)
+        return PolicySlot(learner, slots, frozen_seed(self.config.seed, name), self._league)
+
+    def _make_workers(self) -> Workers:
+        if isinstance(self._pool, RemotePool):
+            self._pool.prepare(self.config)
+            return RemoteWorkers(self._pool, self._learners, self._slots, self._trackers)
+        return Collector(self._pool, self._slots, self._trackers, self._league)
 
     @property
     def specs(self) -> Mapping[str, PolicySpec]:
@@ -112,7 +119,7 @@ class Trainer:
     @property
     def agent_steps(self) -> int:
         """Agent steps so far, of all policies."""
-        return self._collector.num_steps
+        return self._workers.num_steps
 
     def mean_returns(self) -> dict[str, float]:
         """Return the mean of the last episodes of each policy that had any."""
@@ -212,7 +219,7 @@ class Trainer:
     ) -> StopReason:
         while (reason := self.reason_to_stop()) is None:
             start, steps_before = time.perf_counter(), self.agent_steps
-            times = replace(self._collector.times)
+            times = replace(self._workers.times)
             interruption = self._collect(is_stopping, callback)
             update_start = time.perf_counter()
             losses = self._update() if interruption is None else {}
@@ -253,7 +260,7 @@ class Trainer:
         def is_pausing() -> bool:
             return is_stopping() or callback.is_due()
 
-        while not self._collector.collect(is_pausing):
+        while not self._workers.collect(is_pausing):
             if is_stopping():
                 return "interrupted"
             if callback.call():
@@ -266,12 +273,13 @@ class Trainer:
         if self.updates:
             words = np.random.SeedSequence((seed, self.updates)).generate_state(1, np.uint64)
             seed = int(words[0] >> np.uint64(2))
-        self._collector.reset(seed)
+        self._workers.advance(self.updates)
+        self._workers.reset(seed)
 
     def _update(self) -> dict[str, dict[str, float]]:
         progress = min(1.0, self.agent_steps / self.config.total_steps)
         losses = {
-            name: slot.learner.update(progress)
+            name: self._learners[name].update(progress)
             for name, slot in self._slots.items()
             if slot.num_steps_left == 0
         }
@@ -287,6 +295,7 @@ class Trainer:
                 self.set_mode(name, mode)
         if self._league is not None:
             self._league.advance(self.updates)
+        self._workers.advance(self.updates)
 
     def set_mode(self, policy: str, mode: Mode) -> None:
         """Put a policy into another mode; never while engines are in a step.
@@ -300,7 +309,7 @@ class Trainer:
 
     def follow_episodes(self, on_episodes: OnEpisodes) -> None:
         """Have ``on_episodes`` called for the episodes that end, while engines are in a step."""
-        self._collector.on_episodes = on_episodes
+        self._workers.on_episodes = on_episodes
 
     def change(self, config: TrainConfig) -> None:
         """Go on with other settings, which differ in those alone that may change.
@@ -339,7 +348,7 @@ class Trainer:
     # --- measuring ------------------------------------------------------------------------------
 
     def _shares(self, before: CollectTimes, update_s: float, total_s: float) -> dict[str, float]:
-        now = self._collector.times
+        now = self._workers.times
         return {
             "wait_share": (now.wait_s - before.wait_s) / total_s,
             "act_share": (now.act_s - before.act_s) / total_s,

@@ -12,7 +12,7 @@ from ludus.play.episodes import EndedEpisodes, EpisodeTracker
 from ludus.pool.interface import Pool
 from ludus.spec.batch import Batch
 
-__all__ = ["CollectTimes", "Collector", "OnEpisodes"]
+__all__ = ["IDLE_STEPS", "CollectTimes", "Collector", "OnEpisodes"]
 
 IDLE_STEPS = 32
 """Steps between two moments of decision while no policy learns."""
@@ -53,6 +53,7 @@ class Collector:
 
     Attributes:
         times: Where the time went.
+        place: Step, since the call of :meth:`collect`, and engine of the last answer.
         on_episodes: Gets the episodes that end, while engines are in a step.
     """
 
@@ -70,12 +71,18 @@ class Collector:
         self._engines = range(pool.num_engines)
         self._rows = [{name: pool.rows(name, k) for name in slots} for k in self._engines]
         self.times = CollectTimes()
+        self.place = (0, 0)
         self.on_episodes: OnEpisodes | None = None
 
     @property
     def num_steps(self) -> int:
         """Agent steps so far, of all policies."""
         return sum(tracker.num_steps for tracker in self._trackers.values())
+
+    def advance(self, updates: int) -> None:
+        """Note how many updates the run has made; after each, and before a reset."""
+        for slot in self._slots.values():
+            slot.advance(updates)
 
     def reset(self, seed: int) -> None:
         """Begin new episodes everywhere; drops what no learner has learnt from yet."""
@@ -99,19 +106,20 @@ class Collector:
             Whether that was reached; False if ``is_stopping`` said so first.
         """
         in_flight = [False] * len(self._engines)
-        is_complete = True
-        for _ in range(self._num_steps_left()):
+        is_complete, last = True, 0
+        for step in range(self._num_steps_left()):
             if is_stopping():
                 is_complete = False
                 break
             for engine in self._engines:
                 if in_flight[engine]:
-                    self._receive(engine)
+                    self._receive(engine, step - 1)
                 self._send(engine)
                 in_flight[engine] = True
+            last = step
         for engine in self._engines:
             if in_flight[engine]:
-                self._receive(engine)
+                self._receive(engine, last)
         return is_complete
 
     def _num_steps_left(self) -> int:
@@ -128,8 +136,9 @@ class Collector:
         self.times.act_s += sent - start
         self.times.learn_s += time.perf_counter() - sent
 
-    def _receive(self, engine: int) -> None:
+    def _receive(self, engine: int, step: int) -> None:
         start = time.perf_counter()
+        self.place = (step, engine)
         batches = self._pool.receive(engine)
         received = time.perf_counter()
         if self._league is not None:

@@ -1,0 +1,1 @@
+"""Who plays the games of a run: this process, other processes, or other machines."""

@@ -1,0 +1,74 @@
+"""Open the machines that a run asks for."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from ludus.errors import ConfigError
+from ludus.settings.train_config import TrainConfig
+from ludus.target import Address, Play, parse_target
+from ludus.workers.interface import Machine
+from ludus.workers.process import ProcessMachine
+from ludus.workers.remote import RemotePool
+
+__all__ = ["open_machines"]
+
+
+def open_machines(config: TrainConfig, log_dir: Path | None = None) -> RemotePool:
+    """Start a worker with its engines on each machine that ``config.cluster`` names.
+
+    Args:
+        config: Settings of the run.
+        log_dir: Where engines on this machine leave their output.
+
+    Raises:
+        ConfigError: A setting does not go with a cluster.
+        TargetError: There is no such target, or it cannot be trained.
+        EngineError: An engine did not start.
+        MachineLost: A worker died at its start.
+    """
+    _check(config)
+    machines: list[Machine] = []
+    try:
+        for index in range(num_processes(config.cluster)):
+            machines.append(ProcessMachine(config, index, log_dir))
+        specs = [machine.receive() for machine in machines]
+    except BaseException:
+        _close(machines)
+        raise
+    try:
+        return RemotePool(machines, specs, config.num_engines)
+    except BaseException:
+        _close(machines)
+        raise
+
+
+def num_processes(cluster: str | None) -> int:
+    """Return the number of worker processes that ``local:N`` asks for."""
+    found = re.fullmatch(r"local:([1-9][0-9]{0,2})", cluster or "")
+    assert found, "checked by TrainConfig"
+    return int(found[1])
+
+
+def _check(config: TrainConfig) -> None:
+    if config.league.share:
+        raise ConfigError(
+            "self-play against past selves needs all engines on one machine",
+            "leave out --cluster, or set league.share to 0",
+        )
+
+    target = parse_target(config.target, scene=config.scene, godot=config.godot)
+    if isinstance(target, Address | Play):
+        raise ConfigError(
+            f"{config.target} is one game that is running already, and a cluster starts its own",
+            "leave out --cluster, or name the game itself: its project, or what was exported",
+        )
+
+
+def _close(machines: Sequence[Machine]) -> None:
+    with contextlib.ExitStack() as stack:
+        for machine in machines:
+            stack.callback(machine.close)

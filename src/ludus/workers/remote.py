@@ -1,0 +1,305 @@
+"""The engines of all machines, for a trainer: as a pool, and as what collects experience.
+
+Nothing here knows how a worker is reached; :class:`~ludus.workers.interface.Machine` does.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, cast
+
+import numpy as np
+
+from ludus.algorithms.learner import Learner
+from ludus.algorithms.recorder import Recording, SharedLearner, Weights, pack_weights
+from ludus.errors import ConfigError, ProtocolError, SequenceError, UsageError
+from ludus.league.policy_slot import PolicySlot
+from ludus.networks.policy import Policy
+from ludus.play.episodes import EpisodeTracker
+from ludus.pool.engine_pool import join_batches
+from ludus.settings.policy_config import Mode
+from ludus.settings.train_config import TrainConfig
+from ludus.spec import PolicySpec, Spec
+from ludus.spec.batch import ActionBatch, Batches, StepTimes
+from ludus.wire.requests import MetricSummary, add_metrics
+from ludus.wire.reset import Parameters
+from ludus.workers.collect import IDLE_STEPS, CollectTimes, OnEpisodes
+from ludus.workers.interface import Machine, Order, PolicyOrder, Report
+
+__all__ = ["RemotePool", "RemoteWorkers"]
+
+log = logging.getLogger(__name__)
+
+
+class RemotePool:
+    """The engines of all machines as one batched environment; see :class:`ludus.pool.Pool`.
+
+    Every step is a call of every machine, which is what evaluations can afford. Training plays
+    through :class:`RemoteWorkers`.
+
+    Args:
+        machines: One for each worker, whose engines have started; closed with the pool.
+        specs: Of their engines.
+        num_engines: Engines of each machine.
+
+    Raises:
+        ProtocolError: The games of two machines declare different agents.
+    """
+
+    def __init__(
+        self, machines: Sequence[Machine], specs: Sequence[Spec], num_engines: int
+    ) -> None:
+        self.machines = machines
+        self.num_restarts = 0
+        self._spec = specs[0]
+        self._num_engines = num_engines
+        self._policies = {policy.name: policy for policy in self._spec.policies}
+        for machine, spec in zip(machines, specs, strict=True):
+            if spec != self._spec:
+                raise ProtocolError(
+                    f"the game of {machine.name} declares other worlds or agents than that of "
+                    f"{machines[0].name}",
+                    "the game must be the same everywhere, and make the same agents whenever it "
+                    "is started",
+                )
+
+    @property
+    def spec(self) -> Spec:
+        """Spec of one engine; all engines have the same."""
+        return self._spec
+
+    @property
+    def num_engines(self) -> int:
+        """Number of engines of all machines."""
+        return self._num_engines * len(self.machines)
+
+    @property
+    def policies(self) -> Mapping[str, PolicySpec]:
+        """Policies by name, in wire order."""
+        return self._policies
+
+    @property
+    def num_worlds(self) -> int:
+        """Number of worlds over all engines."""
+        return self._spec.num_worlds * self.num_engines
+
+    def engines(self, machine: int) -> range:
+        """Return the engines of a machine."""
+        return range(machine * self._num_engines, (machine + 1) * self._num_engines)
+
+    def num_agents(self, policy: str) -> int:
+        """Return the number of slots of ``policy`` over all engines."""
+        return self._policies[policy].num_agents * self.num_engines
+
+    def rows(self, policy: str, engine: int) -> slice:
+        """Return the rows of ``engine`` in arrays over all engines."""
+        size = self._policies[policy].num_agents
+        return slice(engine * size, (engine + 1) * size)
+
+    def call_all(self, method: str, *arguments: Any) -> list[Any]:
+        """Call a method of every worker with equal arguments; return what each returned."""
+        for machine in self.machines:
+            machine.send(method, *arguments)
+        return [machine.receive() for machine in self.machines]
+
+    def prepare(self, config: TrainConfig) -> None:
+        """Let all workers make what acts and records; ``config`` has settings of every policy."""
+        self.call_all("prepare", config)
+
+    def reset(self, seed: int | None = None, parameters: Parameters = None) -> Batches:
+        """Begin a new episode in every world; see :meth:`ludus.pool.Pool.reset`."""
+        if parameters is not None:
+            raise UsageError("worlds on other machines take no parameters")
+        return self._joined(self.call_all("reset_pool", seed))
+
+    def step(self, actions: Mapping[str, ActionBatch]) -> Batches:
+        """Step all engines; returns copies."""
+        for index, machine in enumerate(self.machines):
+            engines = self.engines(index)
+            own = {
+                name: batch.rows(slice(
+                    self.rows(name, engines[0]).start, self.rows(name, engines[-1]).stop
+                ))
+                for name, batch in actions.items()
+            }  # fmt: skip
+            machine.send("step", own)
+        return self._joined([machine.receive() for machine in self.machines])
+
+    def send(self, engine: int, actions: Mapping[str, ActionBatch]) -> None:
+        """Refuse: engines of other machines are stepped together."""
+        raise SequenceError("engines on other machines cannot be stepped one by one", "use step")
+
+    def receive(self, engine: int) -> Batches:
+        """Refuse: engines of other machines are stepped together."""
+        raise SequenceError("engines on other machines cannot be stepped one by one", "use step")
+
+    def times(self, engine: int) -> StepTimes:
+        """Return zeros: workers keep their times to themselves."""
+        return StepTimes(0, 0, 0, 0)
+
+    def take_requests(self) -> list[dict[str, Any]]:
+        """Fetch what the games ask of the trainer; see :meth:`ludus.pool.Pool.take_requests`."""
+        taken: list[dict[str, Any]] = []
+        for requests in self.call_all("take_requests"):
+            taken += [request for request in requests if request not in taken]
+        return taken
+
+    def take_metrics(self) -> dict[str, MetricSummary]:
+        """Fetch what the games have reported; see :meth:`ludus.pool.Pool.take_metrics`."""
+        taken: dict[str, MetricSummary] = {}
+        for metrics in self.call_all("take_metrics"):
+            taken = add_metrics(taken, metrics)
+        return taken
+
+    def show_status(self, status: Mapping[str, Any]) -> None:
+        """Tell the games how training goes; see :meth:`ludus.pool.Pool.show_status`."""
+        self.call_all("show_status", status)
+
+    def close(self) -> None:
+        """End all workers and their engines; may be called twice."""
+        for machine in self.machines:
+            machine.close()
+
+    def _joined(self, parts: Sequence[Batches]) -> Batches:
+        return {
+            name: join_batches([batches[name] for batches in parts], policy)
+            for name, policy in self._policies.items()
+        }
+
+
+class RemoteWorkers:
+    """Collects on all machines at once; a :class:`~ludus.workers.interface.Workers`.
+
+    Learners learn what they owe while the machines play. Equal seeds give equal runs however the
+    engines are spread: each engine has random streams of its own, and what machines report is put
+    in the order in which one machine would have recorded it.
+
+    Args:
+        pool: The machines.
+        learners: By policy.
+        slots: By policy; they only say which mode it is in.
+        trackers: By policy.
+
+    Raises:
+        ConfigError: A learner of a script cannot learn from other machines.
+    """
+
+    def __init__(
+        self,
+        pool: RemotePool,
+        learners: Mapping[str, Learner],
+        slots: Mapping[str, PolicySlot],
+        trackers: Mapping[str, EpisodeTracker],
+    ) -> None:
+        self._pool = pool
+        self._learners = {name: _shared(name, learner) for name, learner in learners.items()}
+        self._slots = slots
+        self._trackers = trackers
+        self._modes: dict[str, Mode] = {}
+        self._sent: dict[str, Weights] = {}
+        self._updates = 0
+        self.times = CollectTimes()
+        self.on_episodes: OnEpisodes | None = None
+
+    @property
+    def num_steps(self) -> int:
+        """Agent steps so far, of all policies."""
+        return sum(tracker.num_steps for tracker in self._trackers.values())
+
+    def advance(self, updates: int) -> None:
+        """Note how many updates the run has made."""
+        self._updates = updates
+
+    def reset(self, seed: int) -> None:
+        """Begin new episodes everywhere; drops what no learner has learnt from yet."""
+        for learner in self._learners.values():
+            learner.forget()
+        self._pool.call_all("play", self._order(seed=seed))
+
+    def collect(self, is_stopping: Callable[[], bool]) -> bool:
+        """Play until a learner is due to update; one call of every machine at a time."""
+        while True:
+            if is_stopping():
+                return False
+            self._collect_once()
+            left = [slot.num_steps_left for slot in self._slots.values()]
+            if 0 in left or all(steps is None for steps in left):
+                return True
+
+    def _collect_once(self) -> None:
+        """Let all machines play once, and learn meanwhile."""
+        start = time.perf_counter()
+        learning = [self._learners[name] for name, of in self._slots.items() if of.mode == "train"]
+        num_steps = min((learner.plan() for learner in learning), default=IDLE_STEPS)
+        order = self._order(num_steps)
+        for machine in self._pool.machines:
+            machine.send("play", order)
+        sent = time.perf_counter()
+        for learner in learning:
+            learner.learn_meanwhile()
+        learnt = time.perf_counter()
+        reports = [cast(Report, machine.receive()) for machine in self._pool.machines]
+        received = time.perf_counter()
+        self._take(reports)
+        self.times.act_s += sent - start
+        self.times.learn_s += learnt - sent
+        self.times.wait_s += received - learnt
+        self.times.record_s += time.perf_counter() - received
+
+    def _order(self, num_steps: int = 0, seed: int | None = None) -> Order:
+        policies: dict[str, PolicyOrder] = {}
+        for name, slot in self._slots.items():
+            learner = self._learners[name]
+            if slot.mode == "train" and self._modes.get(name, "train") != "train":
+                learner.forget()  # as its recorders do
+            self._modes[name] = slot.mode
+            acting = learner.recorder.policy if slot.mode == "train" else learner.policy
+            policies[name] = PolicyOrder(
+                slot.mode,
+                learner.recorder.number,
+                learner.recorder.is_exploring,
+                self._new_weights(name, acting),
+            )
+        return Order(policies, self._updates, num_steps, seed)
+
+    def _new_weights(self, name: str, policy: Policy) -> Weights | None:
+        """Return the weights of a policy, None if the machines have them."""
+        weights = pack_weights(policy)
+        if name in self._sent and np.array_equal(weights, self._sent[name]):
+            return None
+        self._sent[name] = weights
+        return weights
+
+    def _take(self, reports: Sequence[Report]) -> None:
+        for name, learner in self._learners.items():
+            parts: dict[range, Recording] = {
+                self._pool.engines(index): report.recordings[name]
+                for index, report in enumerate(reports)
+                if name in report.recordings
+            }
+            if parts:
+                learner.put(parts)
+            self._trackers[name].num_steps += sum(report.num_steps[name] for report in reports)
+        self._pool.num_restarts = sum(report.num_restarts for report in reports)
+        ended = [
+            (of.step, self._pool.engines(index)[of.engine], of)
+            for index, report in enumerate(reports)
+            for of in report.ended
+        ]
+        for _, _, (_, _, policy, episodes) in sorted(ended, key=lambda each: each[:2]):
+            tracker = self._trackers[policy]
+            tracker.add(episodes)
+            if self.on_episodes is not None:
+                first = tracker.num_episodes - len(episodes.slots) + 1
+                self.on_episodes(policy, first, episodes)
+
+
+def _shared(name: str, learner: Learner) -> SharedLearner:
+    if isinstance(learner, SharedLearner):
+        return learner
+    raise ConfigError(
+        f"policy {name}: {type(learner).__name__} cannot learn from other machines",
+        "PPO and SAC can; a learner of a script trains without a cluster",
+    )

@@ -1,0 +1,100 @@
+"""Workers as processes: the same bits, one clear error when one is lost, and nothing left over."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+import ludus
+from ludus.errors import ConfigError, MachineLost, TargetError, UsageError
+from ludus.settings.train_config import LeagueConfig, PPOConfig
+from ludus.training.hooks import Training
+from ludus.training.loop import train
+from ludus.workers import process
+from tests.workers.machines import assert_equal, newest
+from tests.workers.test_equal_bits import PPO, config
+
+
+def workers() -> list[psutil.Process]:
+    """Return the worker processes of this process."""
+    return [
+        child
+        for child in psutil.Process().children(recursive=True)
+        if child.is_running() and "ludus.workers.process" in child.cmdline()
+    ]
+
+
+@pytest.fixture(autouse=True)
+def nothing_left() -> Any:
+    yield
+    assert workers() == []
+
+
+@pytest.mark.parametrize("case", ["ppo", "sac"])
+def test_processes_give_the_checkpoint_of_a_run_without_any(case: str, tmp_path: Path) -> None:
+    results = [train(config(case, tmp_path, cluster)) for cluster in (None, "local:2", "local:4")]
+    alone, *others = [newest(result.path) for result in results]
+    for other in others:
+        assert_equal(alone, other)
+    assert results[1].evaluation == results[0].evaluation
+
+
+def test_a_run_goes_on_in_another_layout_to_the_bit(tmp_path: Path) -> None:
+    ppo = PPOConfig(**PPO, learning_rate_schedule="constant")  # the linear one sees total_steps
+    whole = train(config("ppo", tmp_path, None, ppo=ppo))
+    half = config("ppo", tmp_path, "local:2", ppo=ppo, total_steps=192, name="half")
+    part = train(half)
+    resumed = train(config("ppo", tmp_path, None, ppo=ppo), resume=part.path)
+    assert_equal(newest(whole.path), newest(resumed.path))
+
+
+@pytest.mark.parametrize("signum", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_lost_worker_ends_the_run_with_one_error_and_a_checkpoint(
+    signum: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(process, "SILENCE_S", 8.0)
+    hit: list[float] = []
+
+    def strike(training: Training) -> None:
+        if not hit:
+            hit.append(time.monotonic())
+            os.kill(workers()[1].pid, signum)
+
+    text = (
+        "machine 1 .* exit code -9" if signum == signal.SIGKILL else "machine 1 .* no sign of life"
+    )
+    with pytest.raises(MachineLost, match=text) as caught:
+        ludus.train(
+            config("ppo", tmp_path, "local:2", total_steps=50_000), on_update=strike, progress=False
+        )
+    assert "--resume" in caught.value.hint
+    assert time.monotonic() - hit[0] < 60.0
+    assert newest(tmp_path / "local:2").agent_steps >= 96
+
+
+def test_an_error_of_a_worker_is_told_as_without_a_cluster(tmp_path: Path) -> None:
+    with pytest.raises(TargetError, match="Nothing-v0"):
+        ludus.train("gym:Nothing-v0", cluster="local:2", runs=tmp_path, progress=False)
+
+
+def test_what_a_cluster_cannot_do_is_refused(tmp_path: Path) -> None:
+    def make(*_: Any) -> Any:
+        raise AssertionError
+
+    settings = config("ppo", tmp_path, "local:2")
+    with pytest.raises(UsageError, match="networks of a script"):
+        ludus.train(settings, networks={"agent": make})
+    with pytest.raises(ConfigError, match="self-play against past selves"):
+        train(config("ppo", tmp_path, "local:2", league=LeagueConfig(share=0.5)))
+    with pytest.raises(ConfigError, match="one game that is running already"):
+        ludus.train("localhost:11008", cluster="local:2", runs=tmp_path)
+    with pytest.raises(ConfigError, match=re.escape("cluster must be local:N")):
+        ludus.train("cartpole", cluster="local:0", runs=tmp_path)
+    assert list(tmp_path.iterdir()) == []
