@@ -1,16 +1,10 @@
 extends CharacterBody2D
-## Runs after its ball and sees walls with sixteen rays.
+## Runs after its ball and sees walls with the sixteen rays of its sensor.
 ##
 ## Chasers pass through each other; only walls stop them and their rays.
 
 const Arena := preload("res://examples/ball_chase/arena.gd")
 
-## Number of rays, evenly around the chaser.
-const NUM_RAYS := 16
-## Numbers in an observation: rays, direction and distance of the ball, own velocity.
-const OBSERVATION_SIZE := NUM_RAYS + 5
-## A ray sees this far, pixels.
-const RAY_LENGTH := 200.0
 ## A ball is reached from this far, pixels.
 const REACH := 30.0
 ## Divides distances to the ball to about 0 … 1, pixels.
@@ -20,8 +14,6 @@ const REACH_REWARD := 1.0
 const PROGRESS_REWARD := 0.002
 ## Cost of touching a wall, per tick.
 const WALL_COST := 0.01
-
-static var _ray_ends: PackedVector2Array = _make_ray_ends()
 
 ## Speed, pixels per second.
 @export var speed: float = 400.0
@@ -37,7 +29,7 @@ var _move := Vector2.ZERO
 var _distance: float = 0.0
 var _reward: float = 0.0
 
-@onready var _ray: RayCast2D = $Ray
+@onready var _rays: LudusRays2D = $Rays
 
 
 func _ready() -> void:
@@ -65,23 +57,10 @@ func apply_action(action: PackedFloat32Array) -> void:
 
 ## Returns how far each ray reaches (0 … 1), where the ball is, and the velocity.
 func get_observation() -> PackedFloat32Array:
-	var seen := PackedFloat32Array()
-	seen.resize(OBSERVATION_SIZE)
-	seen.fill(1.0)
-	var eye := global_position
-	# One ray node turned sixteen times, and only when somebody looks: an enabled RayCast2D would
-	# work in every tick.
-	for i: int in NUM_RAYS:
-		_ray.target_position = _ray_ends[i]
-		_ray.force_raycast_update()
-		if _ray.is_colliding():
-			seen[i] = eye.distance_to(_ray.get_collision_point()) / RAY_LENGTH
+	var seen := _rays.sense()
 	var direction := position.direction_to(ball)
-	seen[NUM_RAYS] = direction.x
-	seen[NUM_RAYS + 1] = direction.y
-	seen[NUM_RAYS + 2] = _distance / DISTANCE_SCALE
-	seen[NUM_RAYS + 3] = velocity.x / speed
-	seen[NUM_RAYS + 4] = velocity.y / speed
+	var pace := velocity / speed
+	seen.append_array([direction.x, direction.y, _distance / DISTANCE_SCALE, pace.x, pace.y])
 	return seen
 
 
@@ -115,10 +94,3 @@ func get_manual_action() -> PackedFloat32Array:
 func _put_ball() -> void:
 	ball = _arena.random_place(_world.rng)
 	_distance = position.distance_to(ball)
-
-
-static func _make_ray_ends() -> PackedVector2Array:
-	var ends := PackedVector2Array()
-	for i: int in NUM_RAYS:
-		ends.append(Vector2.from_angle(TAU * i / NUM_RAYS) * RAY_LENGTH)
-	return ends

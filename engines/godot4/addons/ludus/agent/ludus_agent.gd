@@ -11,6 +11,8 @@ extends Node
 ## PackedByteArray[/code], one byte per alternative, 1 = allowed; [code]is_truncated() ->
 ## bool[/code]; and [code]get_manual_action()[/code], which lets a person play while no trainer is
 ## there.[br][br]
+## Sensors below the node, such as [LudusRays2D], are entries of the observation, beside those of
+## [code]get_observation()[/code], which may then be left out.[br][br]
 ## An action arrives as an [int] (one choice), a [PackedInt64Array] (several choices), a
 ## [PackedFloat32Array] (numbers), or a dictionary of component name to [int] or
 ## [PackedFloat32Array] (both kinds). An observation is a flat array of numbers, or a dictionary of
@@ -25,10 +27,12 @@ enum ActionTiming {
 const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
 const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
 const LudusScriptReview := preload("res://addons/ludus/agent/script_review.gd")
+const LudusSensing := preload("res://addons/ludus/sensors/sensing.gd")
 
 ## The former name of [member sample_actions].
 const FORMER_SAMPLE_ACTIONS := &"is_sampling"
 const GROUP_NAME := &"ludus_agents"
+const OBSERVE := &"get_observation"
 const REQUIRED_METHODS: Array[StringName] = [
 	&"apply_action", &"get_observation", &"get_reward", &"is_done", &"reset"
 ]
@@ -83,6 +87,8 @@ const REQUIRED_METHODS: Array[StringName] = [
 
 ## What has the five methods: a node, or the seat of an agent of a [LudusSimulation].
 var target: Object
+## What is asked for observations: [member target], unless there are sensors.
+var observer: Object
 ## The world this agent lives in.
 var world: LudusWorld
 ## Steps since the episode began.
@@ -119,8 +125,9 @@ func connect_to_game() -> String:
 	target = _find_target()
 	if target == null:
 		return "target_path %s leads nowhere" % target_path
+	var sensors := LudusSensing.find_sensors(self, target)
 	for method: StringName in REQUIRED_METHODS:
-		if not target.has_method(method):
+		if not (target.has_method(method) or (method == OBSERVE and not sensors.is_empty())):
 			return "%s has no method %s()%s" % [_describe(target), method, _guess(target, method)]
 	if has_action_mask and not target.has_method(&"get_action_mask"):
 		return "has_action_mask is on, but %s has no method get_action_mask()" % _describe(target)
@@ -128,14 +135,29 @@ func connect_to_game() -> String:
 		return "no action is declared: add a LudusActionComponent to `action`"
 	has_action_mask = has_mask()
 	world = LudusWorld.of(self)
-	return LudusScriptReview.find_await(target.get_script())
+	observer = target if sensors.is_empty() else LudusSensing.new(self, sensors)
+	var mistake := LudusSensing.find_mistake(sensors)
+	return LudusScriptReview.find_await(target.get_script()) if mistake.is_empty() else mistake
+
+
+## Whether the game itself observes, by [code]get_observation()[/code].
+func game_observes() -> bool:
+	return _target_has(OBSERVE)
+
+
+## The entries of the observation that are known before the game runs: those that are declared, and
+## those of sensors.
+func known_entries() -> Array[LudusObservationEntry]:
+	var entries: Array[LudusObservationEntry] = observation.duplicate()
+	for sensor: Node in LudusSensing.find_sensors(self, _find_target()):
+		entries.append(LudusSensing.entry_of(sensor))
+	return entries
 
 
 ## Whether actions are masked: the game has [code]get_action_mask()[/code]. Agents of a
 ## [LudusSimulation] are told by it.
 func has_mask() -> bool:
-	var node := _find_target() as Node
-	return has_action_mask or (node != null and _knows(node.get_script(), &"get_action_mask"))
+	return has_action_mask or (_find_target() is Node and _target_has(&"get_action_mask"))
 
 
 ## Tells the agent which batch counts its steps.
@@ -191,8 +213,12 @@ func _find_target() -> Object:
 	return get_parent() if target_path.is_empty() else get_node_or_null(target_path)
 
 
-static func _knows(script: Script, method: StringName) -> bool:
-	return script != null and method in LudusScriptReview.methods_of(script)
+## Whether the target has a method; in the editor, where it does not run, by its script.
+func _target_has(method: StringName) -> bool:
+	var node := _find_target()
+	if node == null or node.has_method(method):
+		return node != null
+	return node.get_script() != null and method in LudusScriptReview.methods_of(node.get_script())
 
 
 ## A method that is probably [param method] misspelt, in words.
@@ -237,8 +263,12 @@ func _method_warnings(script: Script) -> PackedStringArray:
 	var wait := LudusScriptReview.find_await(script)
 	if not wait.is_empty():
 		warnings.append(wait)
+	var sensors := LudusSensing.find_sensors(self, _find_target())
+	var mistake := LudusSensing.find_mistake(sensors)
+	if not mistake.is_empty():
+		warnings.append(mistake + ".")
 	for method: StringName in REQUIRED_METHODS:
-		if method not in names:
+		if method not in names and (method != OBSERVE or sensors.is_empty()):
 			warnings.append("The target has no method %s()." % method)
 	if has_action_mask and &"get_action_mask" not in names:
 		warnings.append("has_action_mask is on, but the target has no method get_action_mask().")

@@ -24,6 +24,8 @@ var error: String = ""
 
 ## The nodes that have the five methods, beside [member agents].
 var _targets: Array[Object] = []
+## What is asked for observations, beside [member agents].
+var _observers: Array[Object] = []
 ## Numbers in an observation that is one float32 entry; -1 if it is more than that.
 var _flat_size: int = -1
 var _lost: LudusLostTarget
@@ -90,6 +92,7 @@ func replace_agents(members: Array[LudusAgent]) -> bool:
 	var num := members.size()
 	agents.resize(num)
 	_targets.resize(num)
+	_observers.resize(num)
 	_observations.resize(num)
 	_begun_at.resize(num)
 	_steps.resize(num)
@@ -106,8 +109,10 @@ func set_agent(slot: int, agent: LudusAgent) -> void:
 	active[slot] = 0
 	_steps[slot] = 0
 	_targets[slot] = _lost
+	_observers[slot] = _lost
 	if agent != null:
 		_targets[slot] = agent.target
+		_observers[slot] = agent.observer
 		agent.join_batch(self, slot)
 
 
@@ -129,6 +134,7 @@ func drop_leavers() -> void:
 		if not is_instance_valid(agent) or not (agent as LudusAgent).is_inside_tree():
 			agents[slot] = null
 			_targets[slot] = _lost
+			_observers[slot] = _lost
 
 
 ## Number of bytes of this policy's part of a [code]STEP[/code].
@@ -141,6 +147,7 @@ func add_slot() -> int:
 	var slot := agents.size()
 	agents.append(null)
 	_targets.append(_lost)
+	_observers.append(_lost)
 	_observations.append(null)
 	_begun_at.append(0)
 	_steps.append(0)
@@ -289,7 +296,7 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 			_begun_at[slot] = _num_steps
 			agents[slot].world.begin_episode()
 			target.reset()
-		target.get_observation()
+		_observers[slot].get_observation()
 	var num := agents.size()
 	set_actions(layout.random_choices(num, rng), layout.random_numbers(num, rng))
 
@@ -325,7 +332,7 @@ func _ask_outcomes() -> void:
 ## Asks each slot that acts what it observes.
 func _ask_observations() -> void:
 	for slot: int in _targets.size():
-		_observations[slot] = _targets[slot].get_observation() if active[slot] == 1 else null
+		_observations[slot] = _observers[slot].get_observation() if active[slot] == 1 else null
 
 
 func _cut_off_episodes() -> void:
@@ -350,7 +357,7 @@ func _end(slot: int) -> void:
 	_steps[slot] = _num_steps - _begun_at[slot]
 	active[slot] = 0
 	final_slots.append(slot)
-	var value: Variant = _targets[slot].get_observation()
+	var value: Variant = _observers[slot].get_observation()
 	if value is PackedFloat32Array and (value as PackedFloat32Array).size() == _flat_size:
 		_final_parts[0].append_array((value as PackedFloat32Array).to_byte_array())
 		return
@@ -377,12 +384,33 @@ func _append_flat(frame: PackedByteArray) -> void:
 func _append_entries(frame: PackedByteArray) -> void:
 	for entry: LudusObservationEntry in layout.entries:
 		var num_bytes := entry.num_bytes()
+		if entry.dtype == LudusObservationEntry.DType.FLOAT32:
+			_append_floats(frame, entry)
+			continue
 		for slot: int in _observations.size():
 			if active[slot] == 1:
 				frame.append_array(_entry_bytes(slot, entry, _observations[slot]))
 			else:
 				frame.resize(frame.size() + num_bytes)
 		LudusWire.pad(frame)
+
+
+## As [method _append_entries] for an entry of floats, which are put together before they are bytes.
+func _append_floats(frame: PackedByteArray, entry: LudusObservationEntry) -> void:
+	var numbers := PackedFloat32Array()
+	var size := entry.size()
+	for slot: int in _observations.size():
+		var value: Variant = _observations[slot]
+		if active[slot] == 0:
+			numbers.resize(numbers.size() + size)
+			continue
+		var part: Variant = (value as Dictionary).get(entry.name) if value is Dictionary else null
+		if part is PackedFloat32Array and (part as PackedFloat32Array).size() == size:
+			numbers.append_array(part)
+		else:
+			numbers.append_array(_entry_bytes(slot, entry, value).to_float32_array())
+	frame.append_array(numbers.to_byte_array())
+	LudusWire.pad(frame)
 
 
 ## Bytes of one entry of what the game returned; zeros after noting the error if it does not fit.

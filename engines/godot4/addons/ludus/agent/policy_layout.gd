@@ -56,9 +56,13 @@ func _init(
 			_fewest_alternatives = mini(_fewest_alternatives, part.n)
 		else:
 			continuous_size += part.size
-	entries = first.observation if not first.observation.is_empty() else known_entries
-	if entries.is_empty():
-		entries = _infer_entries(first)
+	var of_sensors := first.known_entries().slice(first.observation.size())
+	entries = first.observation.duplicate()
+	if entries.is_empty() and first.game_observes():
+		entries = _without(known_entries, of_sensors)
+		if entries.is_empty():
+			entries = _infer_entries(first)
+	entries.append_array(of_sensors)
 	if first.settings != null:
 		_settings = first.settings.to_json()
 	if first.world.episode_mode == LudusWorld.Episode.WORLD:
@@ -183,6 +187,13 @@ func to_json() -> Dictionary:
 		"has_action_mask": has_action_mask,
 		"settings": _settings,
 	}
+
+
+static func _without(
+	known: Array[LudusObservationEntry], others: Array[LudusObservationEntry]
+) -> Array[LudusObservationEntry]:
+	var names := others.map(func(entry: LudusObservationEntry) -> String: return entry.name)
+	return known.filter(func(entry: LudusObservationEntry) -> bool: return entry.name not in names)
 
 
 func _infer_entries(first: LudusAgent) -> Array[LudusObservationEntry]:

@@ -86,9 +86,10 @@ func incompatibility(agent: LudusAgent) -> String:
 	if not error.is_empty():
 		return error
 	var read := reader()
-	if not agent.observation.is_empty():
+	if not agent.observation.is_empty() or not agent.game_observes():
+		var own := agent.known_entries()
 		for entry: LudusObservationEntry in read.entries:
-			var problem := _entry_incompatibility(entry, agent.observation)
+			var problem := _entry_incompatibility(entry, own)
 			if not problem.is_empty():
 				return problem
 	if agent.action.size() != read.components.size():

@@ -64,6 +64,8 @@ var index: int = 0
 var num_episodes: int = 0
 ## Number of episodes begun since the world was made.
 var num_beginnings: int = 0
+## The beginning after which bodies were last put where their nodes are, for sensors.
+var num_placed: int = 0
 ## Whether the episode that has begun can be observed; false while a [LudusSimulation] awaits ticks
 ## to begin it.
 var is_ready: bool = true
