@@ -56,11 +56,15 @@ def run(command: Install | Status) -> int:
 
 def _install(command: Install) -> int:
     from ludus.addon import install_addon
+    from ludus.addon.new_project import add_script_templates
+    from ludus.engine.project import find_project
 
     if command.legacy:
         _install_legacy_addon(command)
     else:
         _print_change("ludus add-on", install_addon(command.project, force=command.force))
+    for path in add_script_templates(find_project(command.project)):
+        sys.stdout.write(f"  new: {path} (a template for your scripts)\n")
     return 0
 
 

@@ -33,6 +33,7 @@ from ludus.version import __version__
 __all__ = ["COMMANDS", "main", "parse"]
 
 COMMANDS: dict[str, tuple[str, str]] = {
+    "new": ("ludus.cli.new", "make a small project that trains at once"),
     "train": ("ludus.cli.train", "train agents in a game"),
     "sweep": ("ludus.cli.sweep", "look for better settings by many training runs"),
     "evaluate": ("ludus.cli.evaluate", "play episodes with trained agents and report the returns"),

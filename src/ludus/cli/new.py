@@ -1,0 +1,50 @@
+"""``ludus new``: make a small project that trains at once."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+__all__ = ["COMMAND", "NewCommand", "run"]
+
+
+@dataclass(frozen=True)
+class NewCommand:
+    """Make a Godot 4 project with a small game, an agent and the add-on, ready to be trained.
+
+    Attributes:
+        folder: Where; its name is the project's.
+        is_2d: A game in 2D: a player collects coins. The default.
+        is_3d: The same in 3D.
+        simulation: A game in one script, without nodes, for many worlds.
+    """
+
+    folder: tyro.conf.Positional[Path]
+    is_2d: Annotated[bool, tyro.conf.arg(name="2d")] = False
+    is_3d: Annotated[bool, tyro.conf.arg(name="3d")] = False
+    simulation: bool = False
+
+
+COMMAND = NewCommand
+
+
+def run(command: NewCommand) -> int:
+    """Make the project; return the exit code."""
+    from ludus.addon.new_project import ProjectKind, make_project
+    from ludus.errors import UsageError
+
+    given = {
+        ProjectKind.TWO_D: command.is_2d,
+        ProjectKind.THREE_D: command.is_3d,
+        ProjectKind.SIMULATION: command.simulation,
+    }
+    chosen = [kind for kind, is_given in given.items() if is_given] or [ProjectKind.TWO_D]
+    if len(chosen) > 1:
+        raise UsageError("--2d, --3d and --simulation exclude each other", "choose one of them")
+    folder = make_project(command.folder, chosen[0])
+    sys.stdout.write(f"made {folder}; now: ludus train {folder}\n")
+    return 0
