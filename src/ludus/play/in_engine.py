@@ -13,7 +13,7 @@ from ludus.errors import EngineCrashed, EngineTimeout, GameError
 from ludus.locks import TemporaryFolder
 from ludus.play.command_line import play_command
 from ludus.play.episodes import EpisodeCounter, OnEpisode
-from ludus.play.interactive import PlayConfig
+from ludus.play.interactive import CONTROLS, PlayConfig
 from ludus.target import check_accepted, parse_target
 
 __all__ = ["play_in_engine"]
@@ -52,7 +52,7 @@ def play_in_engine(
     flags = GodotFlags(
         headless=config.is_headless,
         fixed_fps=GodotFlags().fixed_fps if config.is_headless else None,
-        user_args=_user_args(files, is_stochastic),
+        user_args=(*_user_args(files, is_stochastic), *(() if config.is_headless else CONTROLS)),
     )
     command = play_command(target, flags)
     with TemporaryFolder("play") as temporary:

@@ -19,10 +19,13 @@ from ludus.settings.checks import AT_LEAST_1, ONLY_1, optional, setting
 from ludus.settings.pool_config import GameConfig
 from ludus.target import check_accepted, parse_target
 
-__all__ = ["PlayConfig", "play_by_hand", "play_episodes", "require_screen"]
+__all__ = ["CONTROLS", "PlayConfig", "play_by_hand", "play_episodes", "require_screen"]
 
 POLL_S = 0.2
 CLOSED_BY_HAND = 0
+LONGEST_PAUSE_S = 7 * 24 * 3600.0
+CONTROLS = ("--ludus-controls",)
+"""Gives a game keys for pause, single steps and slow motion."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +74,11 @@ def play_episodes(config: PlayConfig, player: MakePlayer, on_episode: OnEpisode)
     """
     target = parse_target(config.target, scene=config.scene, godot=config.godot)
     check_accepted("play", target)
-    launch = LaunchOptions(is_windowed=not config.is_headless, is_real_time=not config.is_headless)
+    launch = LaunchOptions()
+    if not config.is_headless:
+        launch = LaunchOptions(
+            is_windowed=True, is_real_time=True, has_controls=True, step_timeout_s=LONGEST_PAUSE_S
+        )
     settings = PoolConfig.of(
         config, is_pinned=config.is_pinned and config.is_headless, launch=launch
     )
@@ -93,7 +100,7 @@ def play_by_hand(config: PlayConfig) -> None:
     """
     target = parse_target(config.target, scene=config.scene, godot=config.godot)
     check_accepted("play", target)
-    command = play_command(target, GodotFlags(headless=False, fixed_fps=None))
+    command = play_command(target, GodotFlags(headless=False, fixed_fps=None, user_args=CONTROLS))
     with EngineProcess.start(LaunchConfig(command=command)) as process:
         while (exit_code := process.wait(POLL_S)) is None:
             pass

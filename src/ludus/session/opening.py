@@ -62,6 +62,7 @@ class LaunchOptions:
             watch. A game that has such cameras gets one anyway; this saves the attempt without.
         gives_pictures: As ``has_renderer``, and all worlds look as in a window, so that pictures of
             them can be asked for (PROTOCOL.md §8).
+        has_controls: Give people who watch keys for pause, single steps and slow motion.
         is_real_time: Run at the speed of the game, not as fast as possible.
         cores: Cores the engine is pinned to; None: the system decides.
         log_path: File for the engine's output.
@@ -76,6 +77,7 @@ class LaunchOptions:
     is_windowed: bool = False
     has_renderer: bool = False
     gives_pictures: bool = False
+    has_controls: bool = False
     is_real_time: bool = False
     cores: tuple[int, ...] | None = None
     log_path: Path | None = None
@@ -225,6 +227,8 @@ def _command(
     has_renderer = options.is_windowed or options.has_renderer or options.gives_pictures
     if options.gives_pictures:
         user_args = (*user_args, "--ludus-pictures")
+    if options.has_controls:
+        user_args = (*user_args, "--ludus-controls")
     unseen = () if options.is_windowed or not has_renderer else _DRAW_ONLY_WHEN_ASKED
     flags = GodotFlags(
         headless=not has_renderer,

@@ -24,6 +24,8 @@ var policies: Dictionary[String, String] = {}
 var sample_actions: bool = false
 ## Whether the trainer may ask for pictures of worlds.
 var has_pictures: bool = false
+## Whether people who watch have keys for pause, single steps and slow motion.
+var has_controls: bool = false
 ## Whether every episode that ends is told on the standard output.
 var has_report: bool = false
 
@@ -50,6 +52,8 @@ static func read() -> LudusArguments:
 				arguments.sample_actions = true
 			"--ludus-pictures":
 				arguments.has_pictures = true
+			"--ludus-controls":
+				arguments.has_controls = true
 			"--ludus-report":
 				arguments.has_report = true
 	if arguments.token.is_empty():

@@ -49,6 +49,7 @@ const LudusMetrics := preload("res://addons/ludus/bridge/metrics.gd")
 const LudusOpening := preload("res://addons/ludus/bridge/opening.gd")
 const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
 const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
+const LudusPlayControls := preload("res://addons/ludus/bridge/play_controls.gd")
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
 const LudusSettling := preload("res://addons/ludus/world/settling.gd")
 const LudusStage := preload("res://addons/ludus/world/stage.gd")
@@ -59,6 +60,8 @@ const TRAINABLE_FEATURE := "ludus"
 const NOT_TRAINABLE := (
 	"exported without the feature `ludus`: " + "add it to the preset's custom features"
 )
+## Phases in which a person who watches may hold time.
+const PLAYED_PHASES: Array[Phase] = [Phase.STEPPING, Phase.MANUAL, Phase.STANDING_BY]
 
 ## Plays agents that have a [LudusPolicy] while no trainer is there.
 var player := LudusPolicyPlayer.new()
@@ -68,6 +71,7 @@ var guided: LudusGuidedTraining
 var _phase: Phase = Phase.START
 var _arguments: LudusArguments
 var _link: LudusLink
+var _controls: LudusPlayControls
 var _stage: LudusStage
 var _game: LudusGame
 var _manual: LudusManualPlay
@@ -118,6 +122,9 @@ func _enter_tree() -> void:
 		_link.watch(_arguments.parent_pid)
 	process_mode = Node.PROCESS_MODE_ALWAYS
 	process_physics_priority = -1073741824
+	if _arguments.has_controls:
+		_controls = LudusPlayControls.new()
+		add_child(_controls)
 
 
 func _exit_tree() -> void:
@@ -128,6 +135,8 @@ func _exit_tree() -> void:
 
 
 func _physics_process(_delta: float) -> void:
+	if _controls != null and _phase in PLAYED_PHASES and not _controls.lets_pass():
+		return
 	var now := Time.get_ticks_usec()
 	match _phase:
 		Phase.STEPPING:
@@ -319,6 +328,8 @@ func _handle_step() -> bool:
 		_fail("frame", problem)
 		return false
 	_ticks_left = _game.ticks_per_step
+	if _controls != null:
+		_controls.ticks_per_step = _ticks_left
 	_engine_us = 0
 	_batch_flags = 0
 	_phase = Phase.STEPPING
