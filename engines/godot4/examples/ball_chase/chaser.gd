@@ -59,8 +59,11 @@ func apply_action(action: PackedFloat32Array) -> void:
 func get_observation() -> PackedFloat32Array:
 	var seen := _rays.sense()
 	var direction := position.direction_to(ball)
-	var pace := velocity / speed
-	seen.append_array([direction.x, direction.y, _distance / DISTANCE_SCALE, pace.x, pace.y])
+	seen.append(direction.x)
+	seen.append(direction.y)
+	seen.append(_distance / DISTANCE_SCALE)
+	seen.append(velocity.x / speed)
+	seen.append(velocity.y / speed)
 	return seen
 
 

@@ -48,6 +48,7 @@ extends LudusSensor2D
 var _ends := PackedVector2Array()
 var _ray: RayCast2D
 var _sweep: ShapeCast2D
+var _num_values: int = 0
 var _seen := PackedFloat32Array()
 
 
@@ -60,11 +61,12 @@ func lowest_value() -> float:
 
 
 func sense() -> PackedFloat32Array:
-	settle()
+	if _world == null or _world.num_placed != _world.num_beginnings:
+		settle()
 	if _ends.is_empty():
 		_prepare()
 	var seen := PackedFloat32Array()
-	seen.resize(count_values())
+	seen.resize(_num_values)
 	if _sweep != null:
 		_sweep_all(seen)
 	elif hit_groups.is_empty():
@@ -128,6 +130,7 @@ func _forget() -> void:
 
 func _prepare() -> void:
 	_ends = _ray_ends()
+	_num_values = count_values()
 	for cast: Node2D in [_ray, _sweep]:
 		if cast != null:
 			cast.free()

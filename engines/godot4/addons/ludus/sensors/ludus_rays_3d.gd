@@ -59,6 +59,7 @@ enum Pattern {
 var _ends := PackedVector3Array()
 var _ray: RayCast3D
 var _sweep: ShapeCast3D
+var _num_values: int = 0
 var _seen := PackedFloat32Array()
 
 
@@ -71,11 +72,12 @@ func lowest_value() -> float:
 
 
 func sense() -> PackedFloat32Array:
-	settle()
+	if _world == null or _world.num_placed != _world.num_beginnings:
+		settle()
 	if _ends.is_empty():
 		_prepare()
 	var seen := PackedFloat32Array()
-	seen.resize(count_values())
+	seen.resize(_num_values)
 	if _sweep != null:
 		_sweep_all(seen)
 	elif hit_groups.is_empty():
@@ -139,6 +141,7 @@ func _forget() -> void:
 
 func _prepare() -> void:
 	_ends = _ray_ends()
+	_num_values = count_values()
 	for cast: Node3D in [_ray, _sweep]:
 		if cast != null:
 			cast.free()

@@ -34,6 +34,7 @@ const _SAC_ONLY: Array[StringName] = [
 ]
 const _NUMBERS: Array[StringName] = [&"learning_rate", &"discount"]
 
+## How the policy learns.
 @export var algorithm: Algorithm = Algorithm.TRAINER_CHOOSES:
 	set(value):
 		algorithm = value
