@@ -29,6 +29,7 @@ suppress_warnings = ["misc.highlighting_failure"]
 
 html_theme = "furo"
 html_title = f"Ludus {__version__}"
+html_copy_source = False
 html_static_path = ["_static"]
 html_css_files = ["ludus.css"]
 
@@ -96,7 +97,8 @@ def _navigation(front_page: str) -> str:
     """
     toctrees = ""
     for heading, section in re.findall(r"^## (.+)\n((?:(?!## ).*\n)*)", front_page, re.MULTILINE):
-        pages = "\n".join(re.findall(r"\]\(([\w/]+)\.md\)", section))
+        links: list[tuple[str, str]] = re.findall(r"\[([^\]]+)\]\(([\w/]+)\.md\)", section)
+        pages = "\n".join(f"{text} <{page}>" for text, page in links)
         toctrees += (
             f'\n```{{toctree}}\n:caption: "{heading}"\n:hidden:\n:maxdepth: 1\n\n{pages}\n```\n'
         )
