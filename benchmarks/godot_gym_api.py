@@ -8,6 +8,9 @@ Bring godot_gym_api beside the checkout; its Python runs in ours, which has what
 All step a robot that looks for an apple, four physics frames a step: its own game, answering in
 protobuf with all that agent and world have, and `godot3:apple_seeker`, the same task for our
 add-on. It needs a quiet machine. Each round measures every case once; the medians count.
+
+``--blocks 100`` compares the scripts alone, and on a busy machine, too: the game with its scripts
+and the game with ours run side by side and play blocks of 100 steps in turns.
 """
 
 from __future__ import annotations
@@ -41,6 +44,7 @@ ALL: dict[str, list[str]] = {"agent": [], "world": []}
 EPISODE_STEPS = 500
 NUM_WORLDS = 64
 WARM_UP_STEPS = 200
+BLOCK_STEPS = 100
 
 
 @dataclass(frozen=True)
@@ -51,11 +55,13 @@ class Options:
         peer: Checkout of godot_gym_api.
         rounds: Times that each case is measured.
         steps: Steps of a round with one environment.
+        blocks: Compare the scripts alone, in so many blocks for each; 0 measures all cases.
     """
 
     peer: tyro.conf.Positional[Path]
     rounds: int = 7
     steps: int = 5_000
+    blocks: int = 0
 
 
 @dataclass(frozen=True)
@@ -80,11 +86,11 @@ def make_games(peer: Path, folder: Path) -> Games:
 
 
 @contextmanager
-def running(project: Path) -> Generator[None]:
-    """Run a game as fast as it can; nobody else may listen at its port."""
+def running(project: Path, port: int = ADDRESS[1]) -> Generator[None]:
+    """Run a game as fast as it can; nobody else may listen at its port, which ours alone choose."""
     godot = find_engine(EngineKind.GODOT3).executable(headless=True)
-    flags = ["--fixed-fps", "60", "--disable-render-loop", "--path", project]
-    process = subprocess.Popen([godot, *flags], stdout=subprocess.DEVNULL)
+    flags = ["--fixed-fps", "60", "--disable-render-loop", f"--ludus-port={port}"]
+    process = subprocess.Popen([godot, *flags, "--path", project], stdout=subprocess.DEVNULL)
     try:
         yield
     finally:
@@ -108,6 +114,25 @@ def client_rate(make_client: Callable[..., Any], messages: Any, game: Path, num:
         else:
             client.connection.close()
     return rate
+
+
+def compare_scripts(games: Games, make_client: Callable[..., Any], num_blocks: int) -> list[float]:
+    """Return how long a step takes with their scripts and with ours, microseconds.
+
+    Of the blocks the fastest tenth counts, which other programs disturb least.
+    """
+    host, port = ADDRESS
+    with running(games.theirs, port), running(games.ours, port + 1):
+        clients = [make_client(games.messages, (host, port + i)) for i in range(2)]
+        times: list[list[float]] = [[], []]
+        for block in range(num_blocks):
+            for i in (0, 1) if block % 2 else (1, 0):
+                clients[i].reset(ALL)
+                start = time.perf_counter()
+                for number in range(BLOCK_STEPS):
+                    clients[i].step(number // 5 % 4, ALL)
+                times[i].append(time.perf_counter() - start)
+    return [statistics.quantiles(each, n=10)[0] / BLOCK_STEPS * 1e6 for each in times]
 
 
 def single_rate(num: int) -> float:
@@ -173,7 +198,15 @@ def main(options: Options) -> None:
         str(options.peer / "examples/apple_seeker/python"),
     ]
     with tempfile.TemporaryDirectory() as folder:
-        measured = cases(make_games(options.peer, Path(folder)))
+        games = make_games(options.peer, Path(folder))
+        if options.blocks:
+            theirs: Any = import_module("godot_gym_api").GodotClient
+            print("| | its scripts, µs | our scripts, µs | ratio of speeds |\n|---|---|---|---|")
+            for name, client in {"its Python": theirs, "our Python": GodotClient}.items():
+                one, other = compare_scripts(games, client, options.blocks)
+                print(f"| {name} | {one:.0f} | {other:.0f} | {one / other:.2f} |")
+            return
+        measured = cases(games)
         rates: dict[str, list[float]] = {name: [] for name in measured}
         for _ in range(options.rounds):
             for name, measure in measured.items():

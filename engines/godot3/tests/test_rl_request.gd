@@ -44,7 +44,8 @@ func test_wrong_settings() -> void:
 
 
 func test_bytes_that_are_no_text() -> void:
-	check(not Request.new(PoolByteArray([255, 254, 0, 123])).error.empty(), "not refused")
+	var text := PoolByteArray([255, 254, 0, 123]).get_string_from_utf8()
+	check(not _read(text).error.empty(), "not refused")
 
 
 func test_nesting_has_a_limit() -> void:
@@ -63,7 +64,18 @@ func test_brackets_in_texts_do_not_count() -> void:
 
 
 func _read(text: String) -> Request:
-	return Request.new(text.to_utf8())
+	var request := Request.new()
+	request.read(text)
+	return request
+
+
+func test_nothing_of_the_last_request_is_left() -> void:
+	var request := Request.new()
+	request.read('{"reset":1,"seed":7}')
+	request.read("[]")
+	check(request.content.empty() and not request.error.empty(), "a wrong one after a right one")
+	request.read('{"action":1}')
+	equal([request.error, request.unknown_keys], ["", []], "a right one after a wrong one")
 
 
 func _refused(text: String, what: String) -> void:

@@ -78,6 +78,7 @@ func _set(property: String, value) -> bool:
 
 func _enter_tree() -> void:
 	add_to_group(GROUP_NAME)
+	get_tree().call_group("ludus_bridges", "wake")
 	note_change()
 	var own_world := LudusWorld.find_above(self)
 	if own_world != null:

@@ -76,6 +76,10 @@ func _enter_tree() -> void:
 	process_priority = -1073741824
 
 
+func _ready() -> void:
+	player.set_physics_process(false)  # Whatever it does is asked for here.
+
+
 func _exit_tree() -> void:
 	if _link != null:
 		_link.close()
@@ -109,9 +113,16 @@ func _physics_process(_delta: float) -> void:
 		Phase.MANUAL:
 			player.advance()
 			_manual.advance()
+			# Six microseconds a tick that games on another wire would pay, too.
+			set_physics_process(get_tree().has_group(LudusAgent.GROUP_NAME))
 		Phase.START:
 			_start()
 	_left_us = OS.get_ticks_usec()
+
+
+## Goes on after a time without agents. Called by the agent that comes.
+func wake() -> void:
+	set_physics_process(true)
 
 
 ## Asks the trainer to put a policy into another mode. Returns false if nobody trains the game, or

@@ -18,10 +18,15 @@ const Request := preload("rl_request.gd")
 const RequestReader := preload("rl_request_reader.gd")
 const JsonWriter := preload("rl_json.gd")
 
+const WAITING := RequestReader.State.WAITING
+const WHOLE := RequestReader.State.WHOLE
+
 ## Argument by which whoever starts the game chooses another port.
 const PORT_ARGUMENT := "--ludus-port="
 ## A game without a client sleeps this long in each frame.
 const IDLE_MS := 5
+## After so many requests it is looked whether another client waits.
+const LOOK_EVERY_REQUESTS := 16
 ## Waiting longer than this for a request lets a frame pass, so that the window stays alive.
 const WINDOW_WAIT_MS := 8
 ## The same without a window.
@@ -30,8 +35,8 @@ const SERVER_WAIT_MS := 100
 const POLL_US := 50
 ## How long an answer may take to send.
 const SEND_TIMEOUT_MS := 5000
-## After this time in one request it is looked whether its client is still there.
-const CHECK_AFTER_MS := 1000
+## In a request it is looked after every so many frames whether its client is still there.
+const CHECK_EVERY_FRAMES := 60
 
 ## The listening socket.
 var server := TCP_Server.new()
@@ -49,7 +54,12 @@ var allow_remote: bool = false
 var can_block: bool = OS.has_feature("Server")
 
 var _reader: RequestReader
-var _request_began_ms: int = 0
+var _request := Request.new()
+## The last answer's length, and the bytes that say it: most answers have the same.
+var _header_value: int = 0
+var _header := PoolByteArray([0, 0, 0, 0])
+## Frames since the request came that is answered now.
+var _num_frames: int = 0
 var _has_told_of_another: bool = false
 
 
@@ -71,10 +81,13 @@ func start_server(port: int = DEFAULT_PORT, address: String = DEFAULT_ADDRESS) -
 ## not longer than a window bears.
 func server_poll() -> void:
 	if message_processing:
-		if OS.get_ticks_msec() - _request_began_ms > CHECK_AFTER_MS:
-			_leave_client_that_has_gone()
+		_num_frames += 1
+		if _num_frames % CHECK_EVERY_FRAMES == 0:
+			check_client()
 		return
-	if connection == null or _should_change_client():
+	if connection == null:
+		_take_connection()
+	elif _reader.num_requests % LOOK_EVERY_REQUESTS == 0 and _should_change_client():
 		_take_connection()
 	if connection == null:
 		OS.delay_msec(IDLE_MS)
@@ -97,7 +110,13 @@ func put_bytes(bytes: PoolByteArray) -> void:
 	if connection == null:
 		return
 	message_processing = false
-	var frame := _header(bytes.size())
+	var num_bytes := bytes.size()
+	if num_bytes != _header_value:
+		_header_value = num_bytes
+		_header = PoolByteArray(
+			[num_bytes & 255, num_bytes >> 8 & 255, num_bytes >> 16 & 255, num_bytes >> 24 & 255]
+		)
+	var frame := _header
 	frame.append_array(bytes)
 	var result := connection.put_partial_data(frame)
 	if result[0] != OK:
@@ -115,6 +134,12 @@ func skip_answer() -> void:
 func send_away(reason: String) -> void:
 	printerr("ERROR: the client was sent away: %s" % reason)
 	_leave_client()
+
+
+## Leaves the client if it has gone; may be called while its request is worked on.
+func check_client() -> void:
+	if connection != null and connection.get_status() != StreamPeerTCP.STATUS_CONNECTED:
+		_lose_client()
 
 
 func _put_patiently(rest: PoolByteArray) -> void:
@@ -154,13 +179,11 @@ func _should_change_client() -> bool:
 
 
 func _await_request() -> void:
-	if can_block:
-		_reader.block()
-	var state := _reader.poll()
-	if state == RequestReader.State.WAITING:
+	var state := _reader.block() if can_block else _reader.poll()
+	if state == WAITING:
 		state = _poll_for_a_while()
-	if state == RequestReader.State.WHOLE:
-		_handle(Request.new(_reader.payload))
+	if state == WHOLE:
+		_handle_request()
 	elif state == RequestReader.State.GONE:
 		_lose_client()
 	elif state == RequestReader.State.BROKEN:
@@ -170,28 +193,24 @@ func _await_request() -> void:
 func _poll_for_a_while() -> int:
 	var wait_ms := SERVER_WAIT_MS if can_block else WINDOW_WAIT_MS
 	var deadline := OS.get_ticks_msec() + wait_ms
-	var state: int = RequestReader.State.WAITING
-	while state == RequestReader.State.WAITING and OS.get_ticks_msec() < deadline:
+	var state := WAITING
+	while state == WAITING and OS.get_ticks_msec() < deadline:
 		OS.delay_usec(POLL_US)
 		state = _reader.poll()
 	return state
 
 
-func _handle(request: Request) -> void:
-	if not request.error.empty():
-		send_away(request.error)
+func _handle_request() -> void:
+	_request.read(_reader.text)
+	if not _request.error.empty():
+		send_away(_request.error)
 		return
-	if not request.unknown_keys.empty():
-		printerr("WARNING: the request has unknown keys: %s" % [request.unknown_keys])
+	if not _request.unknown_keys.empty():
+		printerr("WARNING: the request has unknown keys: %s" % [_request.unknown_keys])
 	message_processing = true
 	request_number += 1
-	_request_began_ms = OS.get_ticks_msec()
-	emit_signal("got_connection", request.content)
-
-
-func _leave_client_that_has_gone() -> void:
-	if connection.get_status() != StreamPeerTCP.STATUS_CONNECTED:
-		_lose_client()
+	_num_frames = 0
+	emit_signal("got_connection", _request.content)
 
 
 func _lose_client() -> void:
@@ -206,12 +225,6 @@ func _leave_client() -> void:
 	message_processing = false
 	request_number += 1
 	emit_signal("lost_connection")
-
-
-static func _header(num_bytes: int) -> PoolByteArray:
-	return PoolByteArray(
-		[num_bytes & 255, num_bytes >> 8 & 255, num_bytes >> 16 & 255, num_bytes >> 24 & 255]
-	)
 
 
 static func _port_of_command_line(port: int) -> int:

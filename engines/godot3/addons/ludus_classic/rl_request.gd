@@ -5,7 +5,7 @@ extends Reference
 ## 1.0}}, "reset": 1, "action": …, "observation": {"agent": …, "world": …}}[/code], each of them
 ## only where it is wanted.
 
-const KEYS := ["config", "reset", "action", "observation"]
+const KEYS := {"config": true, "reset": true, "action": true, "observation": true}
 const PARTS := ["agent", "world", "environment"]
 const MAX_REPEAT_ACTION := 1000000
 const MIN_TIME_SPEED := 0.02
@@ -22,32 +22,41 @@ var error: String = ""
 var unknown_keys: Array = []
 
 
-## Reads the bytes of one request.
-func _init(payload: PoolByteArray) -> void:
-	var text := payload.get_string_from_utf8()
-	if text.length() > MAX_DEPTH:
-		error = _nesting_error(text)
-	if error.empty():
-		_read(text)
+## Reads the text of a request. The object is used again for the next one: to make another would
+## take as long as the checks.
+func read(text: String) -> void:
+	content = {}
+	error = _nesting_error(text) if text.length() > MAX_DEPTH else ""
 	if not error.empty():
-		content = {}
-
-
-func _read(text: String) -> void:
+		return
 	var parsed := JSON.parse(text)
 	if parsed.error != OK or not parsed.result is Dictionary:
 		error = "a request must be a JSON object, this came: %s" % _shown(text)
 		return
-	content = parsed.result
-	for key in content:
-		if not KEYS.has(key):
-			unknown_keys.append(key)
-	if unknown_keys.size() == content.size():
-		error = "a request needs one of %s, this came: %s" % [KEYS, _shown(text)]
-	elif content.has("observation") and not content["observation"] is Dictionary:
+	_check(parsed.result, text)
+	if error.empty():
+		content = parsed.result
+
+
+func _check(request: Dictionary, text: String) -> void:
+	if not KEYS.has_all(request.keys()):
+		unknown_keys = _unknown_keys(request)
+	elif not unknown_keys.empty():
+		unknown_keys = []
+	if unknown_keys.size() == request.size():
+		error = "a request needs one of %s, this came: %s" % [KEYS.keys(), _shown(text)]
+	elif request.has("observation") and not request["observation"] is Dictionary:
 		error = 'observation must be an object such as {"agent": []}'
-	elif content.has("config"):
-		_check_configuration(content["config"])
+	elif request.has("config"):
+		_check_configuration(request["config"])
+
+
+static func _unknown_keys(request: Dictionary) -> Array:
+	var unknown := []
+	for key in request:
+		if not KEYS.has(key):
+			unknown.append(key)
+	return unknown
 
 
 func _check_configuration(config) -> void:
