@@ -8,6 +8,7 @@ extends LudusSimulation
 signal round_ended(is_found: bool, num_steps: int)
 
 const Map := preload("res://examples/shared/walled_map.gd")
+const Original := preload("res://examples/shared/original_rules.gd")
 const Walker := preload("res://examples/shared/walker.gd")
 
 const HERO_SETTINGS := preload("res://examples/find_coin/hero_settings.tres")
@@ -26,6 +27,8 @@ const ACTION_SIZE := 2
 const NUM_ROUND_STEPS := 60
 ## Pixels that a body moves in a step for each unit of its action, by agent.
 const STEP_LENGTHS: PackedFloat64Array = [20.0, 1.2 * 20.0]
+## Length of the inner wall by the original's rules, pixels at least.
+const ORIGINAL_WALL := 0.75 * Original.REACH
 ## Distance of the centres at which two bodies touch, pixels.
 const CONTACT := 2.0 * Walker.RADIUS
 ## What a touching body reads as on all rays: this times its distance.
@@ -48,6 +51,8 @@ var _walkers: Array[Walker] = [hero, target]
 ## Whether actions have come that no tick has carried out yet.
 var _is_pending: bool = false
 var _rewards := PackedFloat64Array([0.0, 0.0])
+## Whether the original's rules hold.
+var _is_original: bool = false
 
 
 func policy_names() -> PackedStringArray:
@@ -75,12 +80,13 @@ func max_episode_steps() -> int:
 
 
 func begin_episode() -> void:
-	map.build(world.rng, 1)
-	var nowhere := PackedVector2Array()
-	var start := map.free_place(world.rng, Walker.RADIUS, nowhere, 0.0)
-	hero.begin(start, world.rng.randf_range(-PI, PI))
-	start = map.free_place(world.rng, Walker.RADIUS, [start], Map.RADIUS)
-	target.begin(start, world.rng.randf_range(-PI, PI))
+	_is_original = Original.are_chosen(world)
+	if _is_original:
+		_build_original_wall()
+	else:
+		map.build(world.rng, 1)
+	hero.begin(_draw_start([]), world.rng.randf_range(-PI, PI))
+	target.begin(_draw_start([hero.place]), world.rng.randf_range(-PI, PI))
 	is_found = false
 	num_steps = 0
 	num_rounds += 1
@@ -102,7 +108,8 @@ func advance() -> void:
 	num_steps += 1
 	for agent: int in 2:
 		_move(_walkers[agent], STEP_LENGTHS[agent])
-	is_found = hero.place.distance_to(target.place) <= CONTACT
+	var distance := hero.place.distance_to(target.place)
+	is_found = distance < CONTACT if _is_original else distance <= CONTACT
 	_rewards[0] += 1.0 if is_found else -1.0
 	_rewards[1] += -1.0 if is_found else 1.0
 	_sense()
@@ -145,8 +152,29 @@ func status() -> Dictionary:
 	}
 
 
+## A wall without thickness anywhere, which may close a passage.
+func _build_original_wall() -> void:
+	map.clear()
+	map.half_thickness = 0.0
+	while map.ends.is_empty():
+		var from := Original.draw_point(world.rng)
+		var to := Original.draw_point(world.rng)
+		if from.distance_to(to) >= ORIGINAL_WALL:
+			map.add_wall(from, to)
+
+
+func _draw_start(others: PackedVector2Array) -> Vector2:
+	if _is_original:
+		return Original.draw_start(world.rng, map, others, Map.RADIUS)
+	return map.free_place(world.rng, Walker.RADIUS, others, Map.RADIUS)
+
+
 func _move(walker: Walker, step_length: float) -> void:
 	var motion := Vector2(walker.action[0], walker.action[1])
+	if _is_original:
+		walker.rotation = motion.angle()  # 0 without motion
+		walker.place = Original.move(map, walker.place, motion * step_length)
+		return
 	if motion != Vector2.ZERO:
 		walker.rotation = motion.angle()
 	walker.walk(map, step_length)
@@ -158,6 +186,9 @@ func _sense() -> void:
 
 
 func _sense_one(walker: Walker, other: Walker) -> void:
+	if _is_original:
+		_sense_originally(walker, other)
+		return
 	walker.look(map, _fan)
 	var senses := PackedFloat32Array()
 	senses.resize(SENSES_SIZE)
@@ -174,3 +205,13 @@ func _sense_one(walker: Walker, other: Walker) -> void:
 	senses[SENSES_SIZE - 2] = walker.place.x / Map.RADIUS
 	senses[SENSES_SIZE - 1] = walker.place.y / Map.RADIUS
 	walker.remember(senses)
+
+
+func _sense_originally(walker: Walker, other: Walker) -> void:
+	var walls := Original.look(map, walker, RAY_ANGLES)
+	var senses := PackedFloat32Array([walker.rotation / PI])
+	senses.append_array(walls)
+	senses.append_array(Original.see(walker, walls, [other.place], true))
+	senses.append(walker.place.x / Map.RADIUS)
+	senses.append(walker.place.y / Map.RADIUS)
+	Original.remember(walker, senses, Walker.NUM_REMEMBERED * ACTION_SIZE)

@@ -21,6 +21,8 @@ const _MAX_TRIES := 40
 
 ## Both ends of each inner wall, one after the other, pixels from the middle of the room.
 var ends := PackedVector2Array()
+## Half the thickness of inner walls for bodies that move, pixels.
+var half_thickness: float = _HALF_THICKNESS
 
 ## From the room into a frame in which the wall lies along x, its middle at zero.
 var _frames: Array[Transform2D] = []
@@ -74,7 +76,7 @@ func is_free(place: Vector2, radius: float) -> bool:
 		return false
 	for i: int in _half_lengths.size():
 		var nearest := Geometry2D.get_closest_point_to_segment(place, ends[2 * i], ends[2 * i + 1])
-		if nearest.distance_to(place) < radius + _HALF_THICKNESS:
+		if nearest.distance_to(place) < radius + half_thickness:
 			return false
 	return true
 
@@ -113,7 +115,7 @@ func free_share(place: Vector2, motion: Vector2, radius: float) -> float:
 	for i: int in _half_lengths.size():
 		var near := _frames[i] * place
 		var way := _turns[i] * motion
-		share = minf(share, _entry(near, way, _half_lengths[i], radius + _HALF_THICKNESS + _GAP))
+		share = minf(share, _entry(near, way, _half_lengths[i], radius + half_thickness + _GAP))
 	return maxf(share, 0.0)
 
 
@@ -121,7 +123,7 @@ func free_share(place: Vector2, motion: Vector2, radius: float) -> float:
 func is_clear(from: Vector2, to: Vector2) -> bool:
 	for i: int in _half_lengths.size():
 		var near := _frames[i] * from
-		if _entry(near, _turns[i] * (to - from), _half_lengths[i], _HALF_THICKNESS) < 1.0:
+		if _entry(near, _turns[i] * (to - from), _half_lengths[i], half_thickness) < 1.0:
 			return false
 	return true
 

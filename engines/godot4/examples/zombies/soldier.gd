@@ -53,10 +53,25 @@ func use_rifle(map: Map, enemies: Array[Fighter]) -> Fighter:
 	if has_shot:
 		num_shots -= 1
 		fire_delay = FIRE_DELAY
-		return _shoot(map, enemies)
+		return shoot(map, enemies)
 	if action[4] > 0.0 and reload_delay == 0 and num_shots < NUM_SHOTS and is_alive():
 		reload_delay = RELOAD_DELAY
 	return null
+
+
+## Casts a circle straight ahead until a wall or a living enemy, which is returned.
+func shoot(map: Map, enemies: Array[Fighter]) -> Fighter:
+	var way := Vector2.from_angle(rotation) * SIGHT
+	var share := map.free_share(place, way, SHOT_RADIUS)
+	var hit: Fighter = null
+	for enemy: Fighter in enemies:
+		var entry := Map.circle_entry(enemy.place - place, way, RADIUS + SHOT_RADIUS)
+		if enemy.is_alive() and entry < share:
+			share = entry
+			hit = enemy
+	shot_start = place
+	shot_end = place + way * share
+	return hit
 
 
 ## Observes.
@@ -74,18 +89,3 @@ func _wait_a_step() -> void:
 		reload_delay -= 1
 		if reload_delay == 0:
 			num_shots = NUM_SHOTS
-
-
-## Casts a circle straight ahead until a wall or a living enemy.
-func _shoot(map: Map, enemies: Array[Fighter]) -> Fighter:
-	var way := Vector2.from_angle(rotation) * SIGHT
-	var share := map.free_share(place, way, SHOT_RADIUS)
-	var hit: Fighter = null
-	for enemy: Fighter in enemies:
-		var entry := Map.circle_entry(enemy.place - place, way, RADIUS + SHOT_RADIUS)
-		if enemy.is_alive() and entry < share:
-			share = entry
-			hit = enemy
-	shot_start = place
-	shot_end = place + way * share
-	return hit

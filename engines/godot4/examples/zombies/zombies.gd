@@ -10,6 +10,8 @@ signal round_ended(has_soldier_won: bool, have_zombies_won: bool)
 
 const Fighter := preload("res://examples/zombies/fighter.gd")
 const Map := preload("res://examples/shared/walled_map.gd")
+const Original := preload("res://examples/shared/original_rules.gd")
+const OriginalRound := preload("res://examples/zombies/original_round.gd")
 const Soldier := preload("res://examples/zombies/soldier.gd")
 const Zombie := preload("res://examples/zombies/zombie.gd")
 
@@ -54,6 +56,8 @@ var _soldier_score: float = 0.0
 var _zombie_score: float = 0.0
 var _is_score_rewarded: bool = false
 var _is_turn: bool = true
+## Plays by the original's rules; null where ours hold.
+var _original: OriginalRound
 
 
 func _init() -> void:
@@ -70,6 +74,11 @@ func observation_entries(policy_name: String) -> Array[LudusObservationEntry]:
 	var size := Zombie.observation_size(Zombie.SENSES_SIZE, Zombie.ACTION_SIZE)
 	if policy_name == SOLDIER:
 		size = Soldier.observation_size(Soldier.SENSES_SIZE, Soldier.ACTION_SIZE)
+	if Original.are_chosen(world):
+		var is_soldier := policy_name == SOLDIER
+		size = OriginalRound.observation_size(
+			OriginalRound.SOLDIER_SENSES if is_soldier else OriginalRound.ZOMBIE_SENSES
+		)
 	var entry := LudusObservationEntry.create("observation", [size])
 	entry.low = -1.0
 	entry.high = 1.0
@@ -90,17 +99,16 @@ func max_episode_steps() -> int:
 
 
 func begin_episode() -> void:
-	_is_score_rewarded = world.parameters.get(REWARD_PARAMETER, "change") == "score"
-	_is_turn = world.parameters.get(ROTATION_PARAMETER, "turn") == "turn"
-	map.build(world.rng, world.rng.randi_range(1, MAX_WALLS), SHORTEST_WALL, LONGEST_WALL)
-	_place_all(world.rng)
 	num_steps = 0
 	num_rounds += 1
 	_is_pending = false
 	_rewards.fill(0.0)
+	if Original.are_chosen(world):
+		_begin_originally()
+	else:
+		_begin()
 	_soldier_score = soldier_score()
 	_zombie_score = zombie_score()
-	_observe()
 
 
 func apply_action(agent: int, action: Variant) -> void:
@@ -117,16 +125,11 @@ func advance() -> void:
 	num_steps += 1
 	for fighter: Fighter in _fighters:
 		fighter.pain = 0.0
-	var hit := soldier.use_rifle(map, _enemies)
-	if hit != null:
-		hit.suffer(Soldier.DAMAGE)
-	soldier.act(map, Soldier.STEP_LENGTH, _is_turn)
-	for zombie: Zombie in zombies:
-		zombie.act(map, Zombie.STEP_LENGTH, _is_turn)
-	for zombie: Zombie in zombies:
-		zombie.bite(map, soldier)
+	if _original != null:
+		_original.advance()
+	else:
+		_make_step()
 	_reward()
-	_observe()
 	if is_over() or num_steps == NUM_ROUND_STEPS:
 		_end_round()
 
@@ -190,6 +193,34 @@ func status() -> Dictionary:
 		"Soldier won": num_soldier_wins,
 		"Zombies won": num_zombie_wins,
 	}
+
+
+func _begin() -> void:
+	_is_score_rewarded = world.parameters.get(REWARD_PARAMETER, "change") == "score"
+	_is_turn = world.parameters.get(ROTATION_PARAMETER, "turn") == "turn"
+	map.build(world.rng, world.rng.randi_range(1, MAX_WALLS), SHORTEST_WALL, LONGEST_WALL)
+	_place_all(world.rng)
+	_observe()
+
+
+func _begin_originally() -> void:
+	_is_score_rewarded = true
+	_is_turn = false
+	if _original == null:
+		_original = OriginalRound.new(map, soldier, zombies)
+	_original.begin(world.rng)
+
+
+func _make_step() -> void:
+	var hit := soldier.use_rifle(map, _enemies)
+	if hit != null:
+		hit.suffer(Soldier.DAMAGE)
+	soldier.act(map, Soldier.STEP_LENGTH, _is_turn)
+	for zombie: Zombie in zombies:
+		zombie.act(map, Zombie.STEP_LENGTH, _is_turn)
+	for zombie: Zombie in zombies:
+		zombie.bite(map, soldier)
+	_observe()
 
 
 func _end_round() -> void:
