@@ -192,3 +192,41 @@ def test_engines_that_declare_other_games_say_what_differs(make_game: MakeGame) 
     game = make_game(get_observation=odd)
     with pytest.raises(ludus.LudusError, match=r"shape\[0\] is 2 instead of 1"):
         ludus.make_vec(str(game), num_worlds=1, num_engines=2)
+
+
+ROOM = """\
+[node name="Room" type="StaticBody2D" parent="."]
+[node name="Left" type="CollisionShape2D" parent="Room"]
+position = Vector2(-2400, 0)
+shape = SubResource("wall")
+[node name="Right" type="CollisionShape2D" parent="Room"]
+position = Vector2(2400, 0)
+shape = SubResource("wall")
+[node name="World" type="Node" parent="."]
+script = ExtResource("4")
+layout = 1
+"""
+
+
+@pytest.mark.parametrize("spacing", ["Vector3(100, 0, 100)", ""])
+def test_copies_do_not_lie_in_each_other(make_game: MakeGame, spacing: str) -> None:
+    game = make_game(
+        root="Node2D",
+        get_observation='func get_observation():\n\tvar place: float = get(&"position").x\n'
+        "\treturn PackedFloat32Array([place])",
+    )
+    scene = game / "game.tscn"
+    text = scene.read_text().replace(
+        "[sub_resource",
+        '[ext_resource path="res://addons/ludus/world/ludus_world.gd" type="Script" id="4"]\n'
+        '[sub_resource type="RectangleShape2D" id="wall"]\nsize = Vector2(20, 20)\n[sub_resource',
+        1,
+    )
+    scene.write_text(text + ROOM + (f"spacing = {spacing}\n" if spacing else ""))
+    if spacing:
+        with pytest.raises(ludus.LudusError, match=r"4820 × 20 pixels.*set it to \(8192"):
+            ludus.make_vec(str(game), num_worlds=2)
+        return
+    with contextlib.closing(ludus.make_vec(str(game), num_worlds=2)) as env:
+        places = env.reset(seed=1)[0]
+    assert abs(places[1] - places[0]).item() == 8192.0

@@ -52,6 +52,7 @@ const _NUMBERS: Array[StringName] = [&"learning_rate", &"discount"]
 @export var hidden_sizes: PackedInt32Array = []
 ## The same of the critic; empty: as [member hidden_sizes].
 @export var critic_hidden_sizes: PackedInt32Array = []
+## Non-linearity between the layers.
 @export var activation: Activation = Activation.TRAINER_CHOOSES
 ## Units of a recurrent layer that remembers what the agent saw before; 0: no memory, negative:
 ## the trainer's choice. PPO only.

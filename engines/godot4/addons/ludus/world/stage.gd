@@ -1,6 +1,7 @@
 extends Node
 ## Makes copies of a scene and keeps them apart (ARCHITECTURE.md, world cloning).
 
+const LudusExtent := preload("res://addons/ludus/world/extent.gd")
 const LudusViews := preload("res://addons/ludus/world/views.gd")
 
 ## The worlds, in order.
@@ -16,6 +17,8 @@ var visible_worlds: int = 1
 ## Whether all worlds look as if they were drawn, for pictures that the trainer may ask for.
 var has_pictures: bool = false
 
+## Between copies in the grid.
+var _distance := Vector3.ZERO
 var _spaces: Array[SubViewport] = []
 var _views: LudusViews
 var _num_worlds: int = 1
@@ -62,7 +65,7 @@ func build() -> bool:
 			_spaces.append(_add_space(i < _num_views))
 		world.layout = layout
 		if layout == LudusWorld.Layout.GRID:
-			_place(root, i, worlds[0].distance_between_copies())
+			_place(root, i, _distance)
 		_spaces[-1].add_child(root)
 		if i > 0 and i < _num_views and layout == LudusWorld.Layout.GRID:
 			_views.look_at_world(world, worlds[0])
@@ -83,7 +86,7 @@ func rebuild_world(i: int) -> LudusWorld:
 	worlds[i] = world
 	world.layout = layout
 	if layout == LudusWorld.Layout.GRID:
-		_place(root, i, world.distance_between_copies())
+		_place(root, i, _distance)
 	old.root.free()
 	space.add_child(root)
 	return world
@@ -147,9 +150,33 @@ func _choose_layout(world: LudusWorld, root: Node) -> bool:
 		error = "the grid needs a scene whose root is a Node2D or Node3D, not %s" % root.get_class()
 	elif world.settle_ticks > 0:
 		error = "settle_ticks needs the isolated layout: in the grid no world can tick alone"
-	elif _num_worlds > 1 and _axes(root, world.distance_between_copies()).is_empty():
-		error = "the grid needs LudusWorld.spacing, larger than anything in a world reaches"
+	elif _num_worlds > 1:
+		_choose_distance(world, root)
 	return error.is_empty()
+
+
+## Copies must not lie in each other. Half of a scene may: it is walls that overlap, most often.
+func _choose_distance(world: LudusWorld, root: Node) -> void:
+	_distance = world.distance_between_copies()
+	if _axes(root, _distance).is_empty():
+		error = "the grid needs LudusWorld.spacing, larger than anything in a world reaches"
+		return
+	var extent := LudusExtent.of(root)
+	for axis: int in _axes(root, _distance):
+		if _distance[axis] >= extent[axis] / 2.0:
+			continue
+		if world.spacing.is_zero_approx():
+			_distance[axis] = nearest_po2(ceili(extent[axis]))
+		else:
+			var needed := Vector3(nearest_po2(ceili(extent.x)), nearest_po2(ceili(extent.y)), 0.0)
+			error = (
+				"copies lie in each other in the grid: the scene's collision shapes reach over "
+				+ (
+					"%d × %d pixels, but LudusWorld.spacing is %s; set it to %s"
+					% [extent.x, extent.y, world.spacing, needed]
+				)
+			)
+			return
 
 
 ## Each space is a viewport with its own 2D and 3D worlds.
