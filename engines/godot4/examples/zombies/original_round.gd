@@ -19,6 +19,8 @@ const SOLDIER_SENSES := NUM_SHARED + 6
 const ZOMBIE_SENSES := NUM_SHARED + 4
 ## A magazine, its size, the delay of reloading and its length: a zombie never uses them.
 const ZOMBIE_RIFLE: PackedFloat32Array = [0.01, 0.01, 0.0, 0.1]
+## Where the ray straight ahead to enemies lies among the senses.
+const AHEAD := 1 + Fighter.NUM_RAYS
 ## Numbers of the last actions that are remembered.
 const NUM_ACTION_NUMBERS := 20
 ## Distance of two starts, pixels.
@@ -123,17 +125,16 @@ func _act_soldier() -> void:
 	_walk(_soldier, Soldier.STEP_LENGTH, places)
 
 
-## Bites what it runs into straight ahead, then turns and walks.
+## Bites what it runs into straight ahead, then turns and walks. It remembers what it senses now:
+## who was shot is hurt or gone.
 func _act_zombie(zombie: Zombie, friend: Zombie, soldier_at: Vector2, friend_at: Vector2) -> void:
-	var places := PackedVector2Array([soldier_at] if _soldier.is_alive() else [])
-	var walls := Original.look(_map, zombie, [0.0])
-	var ahead := Original.see(zombie, walls, places, true)[0]
-	zombie.has_bitten = ahead < Zombie.BITE / Fighter.SIGHT
-	if friend.is_alive():
-		places.append(friend_at)
+	var soldiers := PackedVector2Array([soldier_at] if _soldier.is_alive() else [])
+	var friends := PackedVector2Array([friend_at] if friend.is_alive() else [])
+	_observe(zombie, soldiers, friends, Zombie.DAMAGE, ZOMBIE_RIFLE, true)
+	zombie.has_bitten = zombie.observation[AHEAD] < Zombie.BITE / Fighter.SIGHT
 	if zombie.has_bitten:
 		_soldier.suffer(Zombie.DAMAGE)
-	_walk(zombie, Zombie.STEP_LENGTH, places)
+	_walk(zombie, Zombie.STEP_LENGTH, soldiers + friends)
 
 
 func _walk(fighter: Fighter, step: float, others: PackedVector2Array) -> void:
