@@ -1,0 +1,60 @@
+"""Worker processes with real Godot games: equal bits, several policies, a game that is killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+import ludus
+from ludus.runs.metrics import read_metrics
+from ludus.settings.train_config import PPOConfig, TrainConfig
+from ludus.training.hooks import Training
+from ludus.training.loop import train
+from tests.training.test_on_engine import SAC_IN_SCENE, pennies
+from tests.workers.machines import assert_equal, newest
+from tests.workers.test_process import nothing_left, workers
+
+__all__ = ["nothing_left", "pennies"]
+
+pytestmark = pytest.mark.engine
+
+
+def test_two_policies_that_take_turns_learn_the_same(pennies: Any) -> None:
+    """One of them by PPO, the other by SAC, each frozen while the other learns."""
+    alone = pennies(SAC_IN_SCENE, num_engines=2, alternate_every=3, evaluation_episodes=4)
+    spread = replace(alone, num_engines=1, cluster="local:2", name="spread")
+    first, second = train(alone), train(spread)
+    assert_equal(newest(first.path), newest(second.path))
+    assert first.evaluation == second.evaluation
+    modes = [[line["policies"][name]["is_learning"] for name in ("even", "odd")]
+             for line in read_metrics(second.path / "metrics.jsonl")]  # fmt: skip
+    assert [1.0, 0.0] in modes
+    assert [0.0, 1.0] in modes
+
+
+def test_a_killed_game_is_replaced_by_its_worker(tmp_path: Path) -> None:
+    config = TrainConfig(
+        "cartpole", num_worlds=4, num_engines=1, seed=5, total_steps=8 * 16 * 12,
+        ppo=PPOConfig(hidden_sizes=(16,), rollout_steps=16), runs=tmp_path, name="run",
+        evaluation_episodes=0, cluster="local:2",
+    )  # fmt: skip
+    killed: list[int] = []
+
+    def kill(training: Training) -> None:
+        if not killed:
+            games = [
+                game for worker in workers() for game in psutil.Process(worker.pid).children(True)
+            ]
+            killed.append(games[0].pid)
+            os.kill(games[0].pid, signal.SIGKILL)
+
+    run = ludus.train(config, on_update=kill, progress=False)
+    assert run.stop_reason == "total_steps"
+    assert run.metrics[-1]["restarts"] == 1
+    assert not any(psutil.pid_exists(pid) for pid in killed)
