@@ -11,6 +11,8 @@ from ludus.settings.train_config import PPOConfig, SACConfig, TrainConfig
 from ludus.training.loop import train
 from tests.workers.machines import assert_equal, newest, use_in_process
 
+pytestmark = pytest.mark.slow
+
 LAYOUTS = {None: 4, "local:1": 4, "local:2": 2, "local:4": 1}
 """Engines of each machine, by cluster."""
 
@@ -34,12 +36,12 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 def config(case: str, tmp_path: Path, cluster: str | None, **changes: Any) -> TrainConfig:
-    target, settings = CASES[case]
-    settings = {
+    target, of_case = CASES[case]
+    settings: dict[str, Any] = {
         "num_worlds": 3, "num_engines": LAYOUTS[cluster], "seed": 7, "total_steps": 480,
         "runs": tmp_path, "evaluation_episodes": 4, "name": str(cluster), "cluster": cluster,
         "checkpoint_every_s": None, "checkpoint_every_updates": 2, "exact_resume": True,
-        **settings, **changes,
+        **of_case, **changes,
     }  # fmt: skip
     return TrainConfig(target=f"gym:tests.workers.environments:{target}", **settings)
 

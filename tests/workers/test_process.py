@@ -21,6 +21,8 @@ from ludus.workers import process
 from tests.workers.machines import assert_equal, newest
 from tests.workers.test_equal_bits import PPO, config
 
+pytestmark = pytest.mark.slow
+
 
 def workers() -> list[psutil.Process]:
     """Return the worker processes of this process."""
@@ -55,28 +57,40 @@ def test_a_run_goes_on_in_another_layout_to_the_bit(tmp_path: Path) -> None:
     assert_equal(newest(whole.path), newest(resumed.path))
 
 
+class Striking:
+    """Sends a worker a signal after the first update, once."""
+
+    def __init__(self, signum: int) -> None:
+        self.at_s: float | None = None
+        self._signum = signum
+
+    def __call__(self, training: Training) -> None:
+        if self.at_s is None:
+            self.at_s = time.monotonic()
+            os.kill(workers()[1].pid, self._signum)
+
+
 @pytest.mark.parametrize("signum", [signal.SIGKILL, signal.SIGSTOP])
-def test_a_lost_worker_ends_the_run_with_one_error_and_a_checkpoint(
+def test_a_lost_worker_is_started_again_and_the_run_goes_on(
     signum: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(process, "SILENCE_S", 8.0)
-    hit: list[float] = []
+    strike = Striking(signum)
+    run = ludus.train(config("ppo", tmp_path, "local:2"), on_update=strike, progress=False)
+    assert run.stop_reason == "total_steps"
+    assert run.metrics[-1]["restarts"] == 1
+    learnt = [line["policies"]["agent"]["num_transitions"] for line in run.metrics]
+    assert sorted(learnt) == [48.0] + [96.0] * (len(learnt) - 1)  # one rollout of one worker
+    said = "exit code -9" if signum == signal.SIGKILL else "no sign of life"
+    assert re.search(f"machine 1 .*{said}.*1 of 3", (run.path / "train.log").read_text())
 
-    def strike(training: Training) -> None:
-        if not hit:
-            hit.append(time.monotonic())
-            os.kill(workers()[1].pid, signum)
 
-    text = (
-        "machine 1 .* exit code -9" if signum == signal.SIGKILL else "machine 1 .* no sign of life"
-    )
-    with pytest.raises(MachineLost, match=text) as caught:
-        ludus.train(
-            config("ppo", tmp_path, "local:2", total_steps=50_000), on_update=strike, progress=False
-        )
+def test_a_worker_that_may_not_be_started_again_ends_the_run_with_one_error(tmp_path: Path) -> None:
+    settings = config("sac", tmp_path, "local:2", total_steps=50_000, max_restarts=0)
+    with pytest.raises(MachineLost, match=r"machine 1 .* exit code -9") as caught:
+        ludus.train(settings, on_update=Striking(signal.SIGKILL), progress=False)
     assert "--resume" in caught.value.hint
-    assert time.monotonic() - hit[0] < 60.0
-    assert newest(tmp_path / "local:2").agent_steps >= 96
+    assert newest(tmp_path / "local:2").agent_steps >= 120
 
 
 def test_an_error_of_a_worker_is_told_as_without_a_cluster(tmp_path: Path) -> None:

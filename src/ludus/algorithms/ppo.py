@@ -176,6 +176,10 @@ class PPO:
         for engines, part in parts.items():
             self.recorder.put(engines, part)
 
+    def lose(self, engines: range, num_steps: int) -> None:
+        """Note that what some of the engines did is lost; their slots count as inactive."""
+        self.recorder.lose(engines, num_steps)
+
     def forget(self) -> None:
         """Note that every engine was reset elsewhere."""
         self._scaler.forget()

@@ -114,7 +114,7 @@ class PPORecorder:
     def restart(self) -> None:
         """Begin the next rollout where this one ended."""
         self.number += 1
-        self.rollout.restart()
+        self.rollout.restart(min(self.steps))  # fewer in a worker that began in mid-rollout
         self.first_memory.copy_(self._memory)
         self.steps = [0] * len(self.steps)
         self._num_taken = 0
@@ -141,9 +141,15 @@ class PPORecorder:
         num_steps = self.rollout.put(engines, start, part)
         for engine in engines:
             self.steps[engine] += num_steps
-        if "first_memory" in part:
+        if "first_memory" in part and start == 0:
             rows = slice(self._rows[engines[0]].start, self._rows[engines[-1]].stop)
             self.first_memory[rows] = as_tensor(part["first_memory"].copy(), self._device)
+
+    def lose(self, engines: range, num_steps: int) -> None:
+        """Note that nobody knows what some of the engines did in some steps."""
+        self.rollout.lose(engines, self.steps[engines[0]], num_steps)
+        for engine in engines:
+            self.steps[engine] += num_steps
 
     def forget(self) -> None:
         """Drop what was recorded: every engine was reset elsewhere."""

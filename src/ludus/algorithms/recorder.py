@@ -97,6 +97,10 @@ class SharedLearner(Learner, Protocol):
         """Take what the recorders on all machines have recorded, by engines."""
         ...
 
+    def lose(self, engines: range, num_steps: int) -> None:
+        """Note that what some of the engines did is lost."""
+        ...
+
     def forget(self) -> None:
         """Note that every engine was reset elsewhere."""
         ...

@@ -214,10 +214,25 @@ class Rollout:
             self._finals.append(FinalObservations(part["final.step"], slot, finals))
         return num_steps
 
-    def restart(self) -> None:
-        """Begin the next rollout where this one ended."""
+    def lose(self, engines: range, start: int, num_steps: int) -> None:
+        """Note that nobody knows what some of the engines did; their slots are inactive.
+
+        Args:
+            engines: Which of the engines of this rollout.
+            start: First step. What the slots did before counts as cut off there.
+            num_steps: How many.
+        """
+        rows = slice(self._rows[engines[0]].start, self._rows[engines[-1]].stop)
+        if start:
+            self.truncated[start - 1, rows] |= self.is_active[start - 1, rows]
+        self.is_active[start : start + num_steps + 1, rows] = False
+        for name in _OUTCOMES:
+            getattr(self, name)[start : start + num_steps, rows] = 0
+
+    def restart(self, last: int = -1) -> None:
+        """Begin the next rollout where this one ended, in the state ``last``."""
         for array in (*self.observation.values(), self.is_active, self.mask):
-            array[0] = array[-1]
+            array[0] = array[last]
         self._finals.clear()
 
     def forget(self) -> None:

@@ -229,6 +229,11 @@ class SAC:
             self._store(engine, fields)
             self.recorder.steps[engine] += 1
 
+    def lose(self, engines: range, num_steps: int) -> None:
+        """Note that what some of the engines did is lost."""
+        for engine in engines:
+            self.recorder.steps[engine] += num_steps
+
     def forget(self) -> None:
         """Note that every engine was reset elsewhere."""
         self.recorder.forget()

@@ -151,7 +151,7 @@ def in_order(parts: Mapping[range, Recording]) -> Iterator[tuple[int, dict[str, 
     """
     ends = {engines: np.cumsum(part["counts"]).reshape(part["counts"].shape)
             for engines, part in parts.items()}  # fmt: skip
-    num_steps = min(len(part["counts"]) for part in parts.values())
+    num_steps = min((len(part["counts"]) for part in parts.values()), default=0)
     for step in range(num_steps):
         for engines, part in parts.items():
             for own, engine in enumerate(engines):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ludus.errors import ConfigError
@@ -33,24 +33,30 @@ def open_machines(config: TrainConfig, log_dir: Path | None = None) -> RemotePoo
     _check(config)
     machines: list[Machine] = []
     try:
-        for index in range(num_processes(config.cluster)):
-            machines.append(ProcessMachine(config, index, log_dir))
+        started, start_again = _start(config, log_dir)
+        machines += started
         specs = [machine.receive() for machine in machines]
-    except BaseException:
-        _close(machines)
-        raise
-    try:
-        return RemotePool(machines, specs, config.num_engines)
+        return RemotePool(machines, specs, start_again, config)
     except BaseException:
         _close(machines)
         raise
 
 
-def num_processes(cluster: str | None) -> int:
-    """Return the number of worker processes that ``local:N`` asks for."""
-    found = re.fullmatch(r"local:([1-9][0-9]{0,2})", cluster or "")
-    assert found, "checked by TrainConfig"
-    return int(found[1])
+def _start(
+    config: TrainConfig, log_dir: Path | None
+) -> tuple[Sequence[Machine], Callable[[int], Machine]]:
+    """Start all workers at once; the first answer of each is the spec of its games.
+
+    Returns:
+        The machines, and what starts the worker of one of them again.
+    """
+    found = re.fullmatch(r"local:([0-9]+)", config.cluster or "")
+    assert found is not None, "checked by TrainConfig"
+
+    def start(index: int) -> Machine:
+        return ProcessMachine(config, index, log_dir)
+
+    return [start(index) for index in range(int(found[1]))], start
 
 
 def _check(config: TrainConfig) -> None:

@@ -8,13 +8,14 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
 
 from ludus.algorithms.learner import Learner
 from ludus.algorithms.recorder import Recording, SharedLearner, Weights, pack_weights
-from ludus.errors import ConfigError, ProtocolError, SequenceError, UsageError
+from ludus.errors import ConfigError, MachineLost, ProtocolError, SequenceError, UsageError
 from ludus.league.policy_slot import PolicySlot
 from ludus.networks.policy import Policy
 from ludus.play.episodes import EpisodeTracker
@@ -42,28 +43,45 @@ class RemotePool:
     Args:
         machines: One for each worker, whose engines have started; closed with the pool.
         specs: Of their engines.
-        num_engines: Engines of each machine.
+        start: Starts the worker of a machine once more.
+        config: Settings of the run.
+
+    Attributes:
+        machines: One for each worker.
+        lost: Machines that are to be started again, and how they were lost.
+        num_restarts: Engines restarted so far, and workers.
 
     Raises:
         ProtocolError: The games of two machines declare different agents.
     """
 
     def __init__(
-        self, machines: Sequence[Machine], specs: Sequence[Spec], num_engines: int
+        self,
+        machines: Sequence[Machine],
+        specs: Sequence[Spec],
+        start: Callable[[int], Machine],
+        config: TrainConfig,
     ) -> None:
-        self.machines = machines
+        self.machines = list(machines)
+        self.lost: dict[int, MachineLost] = {}
         self.num_restarts = 0
+        self._start = start
+        self._config = config
+        self._num_losses = 0
         self._spec = specs[0]
-        self._num_engines = num_engines
+        self._num_engines = config.num_engines
         self._policies = {policy.name: policy for policy in self._spec.policies}
         for machine, spec in zip(machines, specs, strict=True):
-            if spec != self._spec:
-                raise ProtocolError(
-                    f"the game of {machine.name} declares other worlds or agents than that of "
-                    f"{machines[0].name}",
-                    "the game must be the same everywhere, and make the same agents whenever it "
-                    "is started",
-                )
+            self._check_spec(machine, spec)
+
+    def _check_spec(self, machine: Machine, spec: Spec) -> None:
+        if spec != self._spec:
+            raise ProtocolError(
+                f"the game of {machine.name} declares other worlds or agents than that of "
+                f"{self.machines[0].name}",
+                "the game must be the same everywhere, and make the same agents whenever it is "
+                "started",
+            )
 
     @property
     def spec(self) -> Spec:
@@ -98,15 +116,55 @@ class RemotePool:
         size = self._policies[policy].num_agents
         return slice(engine * size, (engine + 1) * size)
 
+    def ask(self, method: str, *arguments: Any) -> None:
+        """Call a method of every worker with equal arguments and return at once."""
+        for index in range(len(self.machines)):
+            self._ask_one(index, method, *arguments)
+
+    def _ask_one(self, index: int, method: str, *arguments: Any) -> None:
+        if index not in self.lost:
+            try:
+                self.machines[index].send(method, *arguments)
+            except MachineLost as error:
+                self.lost[index] = error
+
+    def answers(self) -> dict[int, Any]:
+        """Return what each worker returned, by machine; those that are lost are left out."""
+        found: dict[int, Any] = {}
+        for index, machine in enumerate(self.machines):
+            if index not in self.lost:
+                try:
+                    found[index] = machine.receive()
+                except MachineLost as error:
+                    self.lost[index] = error
+        return found
+
     def call_all(self, method: str, *arguments: Any) -> list[Any]:
-        """Call a method of every worker with equal arguments; return what each returned."""
-        for machine in self.machines:
-            machine.send(method, *arguments)
-        return [machine.receive() for machine in self.machines]
+        """Call a method of every worker with equal arguments; return what they returned."""
+        self.ask(method, *arguments)
+        return list(self.answers().values())
 
     def prepare(self, config: TrainConfig) -> None:
         """Let all workers make what acts and records; ``config`` has settings of every policy."""
+        self._config = config
         self.call_all("prepare", config)
+
+    def restart(self, index: int) -> None:
+        """Start the worker of a machine that was lost once more.
+
+        Raises:
+            MachineLost: That was done ``max_restarts`` times already, or does not help.
+        """
+        error, limit = self.lost[index], self._config.max_restarts
+        if self._num_losses >= limit:
+            raise error
+        self._num_losses += 1
+        log.warning("%s; starting it again (%d of %d)", error.message, self._num_losses, limit)
+        machine = self.machines[index] = self._start(index)
+        self._check_spec(machine, machine.receive())
+        machine.send("prepare", self._config)
+        machine.receive()
+        del self.lost[index]
 
     def reset(self, seed: int | None = None, parameters: Parameters = None) -> Batches:
         """Begin a new episode in every world; see :meth:`ludus.pool.Pool.reset`."""
@@ -116,7 +174,7 @@ class RemotePool:
 
     def step(self, actions: Mapping[str, ActionBatch]) -> Batches:
         """Step all engines; returns copies."""
-        for index, machine in enumerate(self.machines):
+        for index in range(len(self.machines)):
             engines = self.engines(index)
             own = {
                 name: batch.rows(slice(
@@ -124,8 +182,8 @@ class RemotePool:
                 ))
                 for name, batch in actions.items()
             }  # fmt: skip
-            machine.send("step", own)
-        return self._joined([machine.receive() for machine in self.machines])
+            self._ask_one(index, "step", own)
+        return self._joined(list(self.answers().values()))
 
     def send(self, engine: int, actions: Mapping[str, ActionBatch]) -> None:
         """Refuse: engines of other machines are stepped together."""
@@ -163,6 +221,8 @@ class RemotePool:
             machine.close()
 
     def _joined(self, parts: Sequence[Batches]) -> Batches:
+        for error in self.lost.values():
+            raise error
         return {
             name: join_batches([batches[name] for batches in parts], policy)
             for name, policy in self._policies.items()
@@ -199,7 +259,7 @@ class RemoteWorkers:
         self._trackers = trackers
         self._modes: dict[str, Mode] = {}
         self._sent: dict[str, Weights] = {}
-        self._updates = 0
+        self._updates = self._seed = self._num_losses = 0
         self.times = CollectTimes()
         self.on_episodes: OnEpisodes | None = None
 
@@ -214,6 +274,7 @@ class RemoteWorkers:
 
     def reset(self, seed: int) -> None:
         """Begin new episodes everywhere; drops what no learner has learnt from yet."""
+        self._seed = seed
         for learner in self._learners.values():
             learner.forget()
         self._pool.call_all("play", self._order(seed=seed))
@@ -230,19 +291,20 @@ class RemoteWorkers:
 
     def _collect_once(self) -> None:
         """Let all machines play once, and learn meanwhile."""
+        for index in list(self._pool.lost):
+            self._replace(index)
         start = time.perf_counter()
         learning = [self._learners[name] for name, of in self._slots.items() if of.mode == "train"]
         num_steps = min((learner.plan() for learner in learning), default=IDLE_STEPS)
         order = self._order(num_steps)
-        for machine in self._pool.machines:
-            machine.send("play", order)
+        self._pool.ask("play", order)
         sent = time.perf_counter()
         for learner in learning:
             learner.learn_meanwhile()
         learnt = time.perf_counter()
-        reports = [cast(Report, machine.receive()) for machine in self._pool.machines]
+        reports = cast("dict[int, Report]", self._pool.answers())
         received = time.perf_counter()
-        self._take(reports)
+        self._take(reports, num_steps)
         self.times.act_s += sent - start
         self.times.learn_s += learnt - sent
         self.times.wait_s += received - learnt
@@ -272,20 +334,34 @@ class RemoteWorkers:
         self._sent[name] = weights
         return weights
 
-    def _take(self, reports: Sequence[Report]) -> None:
+    def _replace(self, index: int) -> None:
+        """Start a worker again that was lost; it goes on in new episodes, with other seeds."""
+        self._pool.restart(index)
+        self._num_losses += 1
+        order = self._order(seed=self._seed + 1_000_003 * self._num_losses)
+        policies = {name: replace(of, weights=self._sent[name])
+                    for name, of in order.policies.items()}  # fmt: skip
+        self._pool.machines[index].send("play", replace(order, policies=policies))
+        self._pool.machines[index].receive()
+
+    def _take(self, reports: Mapping[int, Report], num_steps: int) -> None:
+        lost = [self._pool.engines(index) for index in self._pool.lost]
         for name, learner in self._learners.items():
+            self._trackers[name].num_steps += sum(of.num_steps[name] for of in reports.values())
+            if self._slots[name].mode != "train":
+                continue
             parts: dict[range, Recording] = {
                 self._pool.engines(index): report.recordings[name]
-                for index, report in enumerate(reports)
-                if name in report.recordings
+                for index, report in reports.items()
             }
-            if parts:
-                learner.put(parts)
-            self._trackers[name].num_steps += sum(report.num_steps[name] for report in reports)
-        self._pool.num_restarts = sum(report.num_restarts for report in reports)
+            learner.put(parts)
+            for engines in lost:
+                learner.lose(engines, num_steps)
+        restarts = sum(report.num_restarts for report in reports.values())
+        self._pool.num_restarts = restarts + self._num_losses
         ended = [
             (of.step, self._pool.engines(index)[of.engine], of)
-            for index, report in enumerate(reports)
+            for index, report in reports.items()
             for of in report.ended
         ]
         for _, _, (_, _, policy, episodes) in sorted(ended, key=lambda each: each[:2]):
