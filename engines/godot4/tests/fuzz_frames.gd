@@ -6,7 +6,7 @@ extends SceneTree
 const LudusArguments := preload("res://addons/ludus/bridge/arguments.gd")
 const LudusCall := preload("res://addons/ludus/bridge/call.gd")
 const LudusGreeting := preload("res://addons/ludus/bridge/greeting.gd")
-const LudusHandshake := preload("res://addons/ludus/bridge/handshake.gd")
+const LudusSessionSetup := preload("res://addons/ludus/bridge/session_setup.gd")
 const LudusLink := preload("res://addons/ludus/bridge/link.gd")
 const LudusMetrics := preload("res://addons/ludus/bridge/metrics.gd")
 const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
@@ -141,7 +141,7 @@ func _link_with(frame: PackedByteArray) -> LudusLink:
 func _greet(frame: PackedByteArray) -> bool:
 	var link := _link_with(frame)
 	link.is_proven = true
-	return LudusHandshake.new(link, LudusArguments.new(), {}).greet()
+	return LudusSessionSetup.new(link, LudusArguments.new()).take_settings({})
 
 
 ## Whoever does not know the nonce cannot prove anything, so that no challenge is allowed.

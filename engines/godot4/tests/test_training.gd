@@ -229,6 +229,16 @@ func test_a_python_that_is_none_is_named() -> void:
 	ProjectSettings.set_setting(LudusTrainerProcess.PYTHON_SETTING, null)
 
 
+func test_no_shell_reads_the_path_of_a_python() -> void:
+	var mark := OS.get_user_data_dir().path_join("a-shell-was-here")
+	ProjectSettings.set_setting(LudusTrainerProcess.PYTHON_SETTING, "/nowhere/$(touch '%s')" % mark)
+	var process := LudusTrainerProcess.new()
+	equal(process.find_python(), "", "there is none")
+	check(not FileAccess.file_exists(mark), "what the path says was done")
+	DirAccess.remove_absolute(mark)
+	ProjectSettings.set_setting(LudusTrainerProcess.PYTHON_SETTING, null)
+
+
 func test_fast_time_leaves_the_length_of_a_tick() -> void:
 	var ticks := Engine.physics_ticks_per_second
 	var tick_s := Engine.time_scale / ticks

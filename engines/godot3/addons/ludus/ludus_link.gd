@@ -86,14 +86,14 @@ func listen_at(arguments: LudusArguments, timeout_ms: int, hello: Dictionary) ->
 	var deadline := OS.get_ticks_msec() + timeout_ms
 	var pending := []
 	while _stream == null and error.empty():
-		if server.is_connection_available():
+		if OS.get_ticks_msec() > deadline:
+			error = "no trainer connected to %s within %d s" % [address, timeout_ms / 1000]
+		elif server.is_connection_available():
 			var token := arguments.token_for(is_local)
 			var peer := server.take_connection()
 			pending.append(LudusGreeting.new(peer, hello.duplicate(), token, GREETING_TIMEOUT_MS))
 			if pending.size() > MAX_PENDING:
 				pending.pop_front().dismiss()
-		elif OS.get_ticks_msec() > deadline:
-			error = "no trainer connected to %s within %d s" % [address, timeout_ms / 1000]
 		else:
 			OS.delay_msec(CONNECT_POLL_MS)
 		pending = _move_on(pending)

@@ -16,7 +16,7 @@ func _ready() -> void:
 	_ai_runner.setup_simulations()
 
 
-## The scene that a trainer makes worlds of, see [LudusOuterScene].
+## The scene that a trainer makes worlds of, see its method [code]ludus_world_scene()[/code].
 func ludus_world_scene() -> PackedScene:
 	return AIRunner.load_world_scene()
 

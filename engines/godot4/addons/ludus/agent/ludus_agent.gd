@@ -167,6 +167,11 @@ func join_batch(batch: LudusPolicyBatch, slot: int) -> void:
 	LudusRegistry.newcomers.erase(self)
 
 
+## Whether a batch has the agent in a slot.
+func is_in_batch() -> bool:
+	return _batch != null and _batch.agents[_slot] == self
+
+
 ## What is probably wrong with the game, though it can be played.
 func doubts() -> PackedStringArray:
 	return LudusScriptReview.misspelt_methods(target.get_script())

@@ -4,7 +4,7 @@ extends RefCounted
 ##
 ## This is the hot path: packed arrays, no text, no dictionary unless the game itself uses one.
 
-const LudusLostTarget := preload("res://addons/ludus/agent/lost_target.gd")
+const LudusDepartedAgent := preload("res://addons/ludus/agent/departed_agent.gd")
 const LudusPolicyLayout := preload("res://addons/ludus/agent/policy_layout.gd")
 const LudusScriptReview := preload("res://addons/ludus/agent/script_review.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
@@ -28,16 +28,19 @@ var _targets: Array[Object] = []
 var _observers: Array[Object] = []
 ## Numbers in an observation that is one float32 entry; -1 if it is more than that.
 var _flat_size: int = -1
-var _lost: LudusLostTarget
+var _departed: LudusDepartedAgent
 var _slot_worlds: PackedInt32Array = []
 var _discrete: PackedInt64Array = []
 ## What each slot that acts is handed in every tick of the step, unless that is one choice.
 var _actions: Array[Variant] = []
 ## What each slot that acts observes, until it is in a frame.
-var _observations: Array[Variant] = []
+var _observations: Array = []
 ## What an inactive slot may do: everything.
 var _free_mask: PackedByteArray = []
 var _continuous: PackedFloat32Array = []
+## The slots that act, and [member active] as it was when they were listed.
+var _acting: PackedInt32Array = []
+var _listed_active: PackedByteArray = []
 ## Steps of this batch, of which each slot that acts knows the one in which its episode began. So
 ## no line of GDScript runs per agent to count, or to find those whose steps are used up.
 var _num_steps: int = 0
@@ -63,7 +66,7 @@ func _init(
 	_slot_worlds = worlds
 	layout = LudusPolicyLayout.new(members[0], max_steps_override, known_entries)
 	error = layout.error
-	_lost = LudusLostTarget.new(layout.entries)
+	_departed = LudusDepartedAgent.new(layout.entries)
 	_free_mask.resize(layout.mask_size)
 	_free_mask.fill(1)
 	if layout.is_flat():
@@ -108,8 +111,8 @@ func set_agent(slot: int, agent: LudusAgent) -> void:
 	agents[slot] = agent
 	active[slot] = 0
 	_steps[slot] = 0
-	_targets[slot] = _lost
-	_observers[slot] = _lost
+	_targets[slot] = _departed
+	_observers[slot] = _departed
 	if agent != null:
 		_targets[slot] = agent.target
 		_observers[slot] = agent.observer
@@ -133,8 +136,8 @@ func drop_leavers() -> void:
 		var agent: Variant = agents[slot]
 		if not is_instance_valid(agent) or not (agent as LudusAgent).is_inside_tree():
 			agents[slot] = null
-			_targets[slot] = _lost
-			_observers[slot] = _lost
+			_targets[slot] = _departed
+			_observers[slot] = _departed
 
 
 ## Number of bytes of this policy's part of a [code]STEP[/code].
@@ -146,8 +149,8 @@ func action_bytes() -> int:
 func add_slot() -> int:
 	var slot := agents.size()
 	agents.append(null)
-	_targets.append(_lost)
-	_observers.append(_lost)
+	_targets.append(_departed)
+	_observers.append(_departed)
 	_observations.append(null)
 	_begun_at.append(0)
 	_steps.append(0)
@@ -185,9 +188,9 @@ func find_wrong_choice() -> String:
 
 ## Hands the actions that were read to the game.
 func hand_out_actions() -> void:
-	if not layout.is_one_choice():
+	if not layout.is_one_choice:
 		_actions.resize(active.size())
-		layout.unpack_actions(active, _discrete, _continuous, _actions)
+		layout.unpack_actions(_list_acting(), _discrete, _continuous, _actions)
 	_apply()
 
 
@@ -249,6 +252,7 @@ func append_to(frame: PackedByteArray) -> void:
 
 ## Appends the entries of what all slots observe, one after the other, each padded.
 func append_observations(frame: PackedByteArray) -> void:
+	_observations.fill(null)
 	_ask_observations()
 	if _flat_size >= 0:
 		_append_flat(frame)
@@ -288,8 +292,8 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 	_num_steps += 1
 	for slot: int in _targets.size():
 		var target := _targets[slot]
-		active[slot] = int(target != _lost)
-		if target == _lost:
+		active[slot] = int(target != _departed)
+		if target == _departed:
 			continue
 		target.get_reward()
 		if target.is_done() or _num_steps - _begun_at[slot] >= limit:
@@ -303,22 +307,18 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 
 ## Hands each slot that acts its action.
 func _apply() -> void:
-	if layout.is_one_choice():
-		for slot: int in _targets.size():
-			if active[slot] == 1:
-				_targets[slot].apply_action(_discrete[slot])
+	if layout.is_one_choice:
+		for slot: int in _list_acting():
+			_targets[slot].apply_action(_discrete[slot])
 		return
-	for slot: int in _targets.size():
-		if active[slot] == 1:
-			_targets[slot].apply_action(_actions[slot])
+	for slot: int in _list_acting():
+		_targets[slot].apply_action(_actions[slot])
 
 
 ## Asks each slot that acts for its reward, and whether its episode has ended or is cut off.
 func _ask_outcomes() -> void:
 	var has_truncation := layout.has_truncation
-	for slot: int in _targets.size():
-		if active[slot] == 0:
-			continue
+	for slot: int in _list_acting():
 		var target := _targets[slot]
 		var reward_value: Variant = target.get_reward()
 		_rewards[slot] = reward_value if reward_value is float else _to_number(slot, reward_value)
@@ -331,8 +331,19 @@ func _ask_outcomes() -> void:
 
 ## Asks each slot that acts what it observes.
 func _ask_observations() -> void:
-	for slot: int in _targets.size():
-		_observations[slot] = _observers[slot].get_observation() if active[slot] == 1 else null
+	for slot: int in _list_acting():
+		_observations[slot] = _observers[slot].get_observation()
+
+
+## The slots that act, in order; listed again only if others act than did before.
+func _list_acting() -> PackedInt32Array:
+	if active != _listed_active:
+		_listed_active = active.duplicate()
+		_acting.clear()
+		for slot: int in active.size():
+			if active[slot] == 1:
+				_acting.append(slot)
+	return _acting
 
 
 func _cut_off_episodes() -> void:
@@ -369,14 +380,15 @@ func _append_flat(frame: PackedByteArray) -> void:
 	var numbers := PackedFloat32Array()
 	var entry := layout.entries[0]
 	var size := _flat_size
-	for slot: int in _observations.size():
-		var value: Variant = _observations[slot]
+	for value: Variant in _observations:
 		if value is PackedFloat32Array and (value as PackedFloat32Array).size() == size:
 			numbers.append_array(value)
-		elif active[slot] == 0:
-			numbers.resize(numbers.size() + size)
-		else:
+			continue
+		var slot := numbers.size() / size
+		if active[slot] == 1:
 			numbers.append_array(_entry_bytes(slot, entry, value).to_float32_array())
+		else:
+			numbers.resize(numbers.size() + size)
 	frame.append_array(numbers.to_byte_array())
 	LudusWire.pad(frame)
 

@@ -25,6 +25,8 @@ var mask_size: int = 0
 var num_discrete: int = 0
 ## Count of numbers in an action.
 var continuous_size: int = 0
+## Whether an action is one choice, the quick case: the game gets it as it came.
+var is_one_choice: bool = false
 ## What is wrong with the declarations, or an empty text.
 var error: String = ""
 
@@ -56,6 +58,7 @@ func _init(
 			_fewest_alternatives = mini(_fewest_alternatives, part.n)
 		else:
 			continuous_size += part.size
+	is_one_choice = num_discrete == 1 and continuous_size == 0
 	var of_sensors := first.known_entries().slice(first.observation.size())
 	entries = first.observation.duplicate()
 	if entries.is_empty() and first.game_observes():
@@ -107,22 +110,15 @@ func find_wrong_choice(slot: int, discrete: PackedInt64Array) -> String:
 	return ""
 
 
-## Whether an action is one choice, the quick case: the game gets it as it came.
-func is_one_choice() -> bool:
-	return num_discrete == 1 and continuous_size == 0
-
-
-## Puts the actions of the slots that act into [param actions], as the game gets them. They are new
-## ones in each step, as the game may keep what it gets.
+## Puts the actions of the slots [param acting] into [param actions], as the game gets them. They
+## are new ones in each step, as the game may keep what it gets.
 func unpack_actions(
-	active: PackedByteArray,
+	acting: PackedInt32Array,
 	discrete: PackedInt64Array,
 	continuous: PackedFloat32Array,
 	actions: Array[Variant]
 ) -> void:
-	for slot: int in active.size():
-		if active[slot] == 0:
-			continue
+	for slot: int in acting:
 		if continuous_size == 0:
 			actions[slot] = discrete.slice(slot * num_discrete, (slot + 1) * num_discrete)
 		elif num_discrete == 0:

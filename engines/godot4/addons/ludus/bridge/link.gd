@@ -44,6 +44,11 @@ var is_local: bool = true
 var is_proven: bool = false
 
 var _stream: StreamPeer
+## Bytes that were here at the last look, and were not read since.
+var _num_here: int = 0
+## Header of the last frame that was allowed, as most that follow are.
+var _header: PackedByteArray = []
+var _num_bytes: int = 0
 var _watch: Thread
 var _mutex := Mutex.new()
 var _deadline_ms: int = 0
@@ -82,14 +87,14 @@ func listen_at(arguments: LudusArguments, timeout_ms: int, hello: Dictionary) ->
 	var deadline := Time.get_ticks_msec() + timeout_ms
 	var pending: Array[LudusGreeting] = []
 	while _stream == null and error.is_empty():
-		if server.is_connection_available():
+		if Time.get_ticks_msec() > deadline:
+			error = "no trainer connected to %s within %d s" % [address, timeout_ms / 1000]
+		elif server.is_connection_available():
 			var token := arguments.token_for(is_local)
 			var peer := server.take_connection()
 			pending.append(LudusGreeting.new(peer, hello.duplicate(), token, GREETING_TIMEOUT_MS))
 			if pending.size() > MAX_PENDING:
 				pending.pop_front().dismiss()
-		elif Time.get_ticks_msec() > deadline:
-			error = "no trainer connected to %s within %d s" % [address, timeout_ms / 1000]
 		else:
 			OS.delay_msec(CONNECT_POLL_MS)
 		pending = pending.filter(_is_still_pending)
@@ -148,20 +153,12 @@ func receive() -> bool:
 	var header := _read_header()
 	if header.size() < LudusWire.HEADER_BYTES:
 		return false
-	type = header[4]
-	var num_bytes := header.decode_u32(0)
-	if num_bytes > LudusWire.max_payload_bytes(type):
-		error = "frame of type %d with %d bytes is not allowed" % [type, num_bytes]
-		return false
-	if header[5] != 0 or header.decode_u16(6) != 0:
-		error = "frame of type %d with flags is of another version" % type
+	if header != _header and not _take_header(header):
 		return false
 	payload = PackedByteArray()
-	if num_bytes > 0:
-		_set_deadline(FRAME_TIMEOUT_MS)
-		payload = _read(num_bytes)
-	_set_deadline(0)
-	return payload.size() == num_bytes
+	if _num_bytes > 0:
+		payload = _read(_num_bytes, FRAME_TIMEOUT_MS)
+	return payload.size() == _num_bytes
 
 
 ## Closes the connection and ends the thread.
@@ -210,13 +207,30 @@ func _await_connection(timeout_ms: int) -> bool:
 	return false
 
 
+## Reads type and length of the payload from a header. Returns whether it is allowed.
+func _take_header(header: PackedByteArray) -> bool:
+	type = header[4]
+	_num_bytes = header.decode_u32(0)
+	if _num_bytes > LudusWire.max_payload_bytes(type):
+		error = "frame of type %d with %d bytes is not allowed" % [type, _num_bytes]
+		return false
+	if header[5] != 0 or header.decode_u16(6) != 0:
+		error = "frame of type %d with flags is of another version" % type
+		return false
+	_header = header
+	return true
+
+
 func _spin() -> void:
 	var now := Time.get_ticks_usec()
 	if spin_us == 0 or now < _respite_until_us:
 		return
 	var end := now + spin_us
 	var was_away := false
-	while now < end and _stream.get_available_bytes() == 0:
+	while now < end:
+		_num_here = _stream.get_available_bytes()
+		if _num_here > 0:
+			break
 		var before := now
 		now = Time.get_ticks_usec()
 		if now - before > AWAY_US:
@@ -239,25 +253,31 @@ func _note_lost(now: int) -> void:
 		_respite_until_us = now + _respite_us
 
 
-func _read(num_bytes: int) -> PackedByteArray:
-	if _watch == null:
-		return _read_in_time(num_bytes)
+## Reads what has come, or waits for it for at most [param timeout_ms] milliseconds.
+func _read(num_bytes: int, timeout_ms: int) -> PackedByteArray:
+	if _num_here < num_bytes:
+		_num_here = _stream.get_available_bytes()
+	var is_here := _num_here >= num_bytes
+	_num_here = _num_here - num_bytes if is_here else 0
+	if not is_here:
+		_set_deadline(timeout_ms)
+		if _watch == null:
+			return _read_in_time(num_bytes)
 	var result: Array = _stream.get_data(num_bytes)
-	if result[0] != OK:
-		return PackedByteArray()
-	return result[1]
+	if not is_here:
+		_set_deadline(0)
+	return result[1] if result[0] == OK else PackedByteArray()
 
 
 ## Reads a header, for which the trainer has all its time until it begins.
 func _read_header() -> PackedByteArray:
-	if _stream.get_available_bytes() >= LudusWire.HEADER_BYTES:
-		return _read(LudusWire.HEADER_BYTES)
-	_set_deadline(idle_timeout_ms)
-	var header := _read(1)
+	if _num_here < LudusWire.HEADER_BYTES:
+		_num_here = _stream.get_available_bytes()
+	if _num_here >= LudusWire.HEADER_BYTES:
+		return _read(LudusWire.HEADER_BYTES, 0)
+	var header := _read(1, idle_timeout_ms)
 	if not header.is_empty():
-		_set_deadline(FRAME_TIMEOUT_MS)
-		header += _read(LudusWire.HEADER_BYTES - 1)
-	_set_deadline(0)
+		header += _read(LudusWire.HEADER_BYTES - 1, FRAME_TIMEOUT_MS)
 	return header
 
 

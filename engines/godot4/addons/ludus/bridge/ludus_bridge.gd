@@ -46,12 +46,11 @@ const LudusGuidedTraining := preload("res://addons/ludus/training/guided_trainin
 const LudusLink := preload("res://addons/ludus/bridge/link.gd")
 const LudusManualPlay := preload("res://addons/ludus/bridge/manual_play.gd")
 const LudusMetrics := preload("res://addons/ludus/bridge/metrics.gd")
-const LudusOpening := preload("res://addons/ludus/bridge/opening.gd")
 const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
 const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
 const LudusPlayControls := preload("res://addons/ludus/bridge/play_controls.gd")
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
-const LudusSettling := preload("res://addons/ludus/world/settling.gd")
+const LudusSessionSetup := preload("res://addons/ludus/bridge/session_setup.gd")
 const LudusStage := preload("res://addons/ludus/world/stage.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
@@ -76,7 +75,6 @@ var _stage: LudusStage
 var _game: LudusGame
 var _manual: LudusManualPlay
 var _ceiling: LudusCeiling
-var _settling: LudusSettling
 var _ticks_left: int = 0
 var _num_ticks: int = 0
 var _has_reset: bool = false
@@ -154,11 +152,11 @@ func _physics_process(_delta: float) -> void:
 				_serve()
 		Phase.SETTLING:
 			_num_ticks += 1
-			if _settling.advance():
+			if _stage.advance_settling():
 				_answer()
 				_serve()
-			elif not _settling.error.is_empty():
-				_fail("game", _settling.error)
+			elif not _stage.error.is_empty():
+				_fail("game", _stage.error)
 		Phase.CEILING:
 			if _ceiling.advance():
 				_send(_ceiling.result_frame())
@@ -251,7 +249,7 @@ func _settle_or_answer() -> bool:
 		_answer()
 		return true
 	_phase = Phase.SETTLING
-	_settling = LudusSettling.new(_stage, worlds)
+	_stage.begin_settling(worlds)
 	return false
 
 
@@ -379,10 +377,10 @@ func _start() -> void:
 	if _link == null:
 		_link = LudusLink.new()
 	if not _arguments.play_scene.is_empty():
-		if not LudusOpening.show_scene(_arguments.play_scene, self):
+		if not LudusSessionSetup.show_scene(_arguments.play_scene, self):
 			get_tree().quit(1)
 		return
-	if not LudusOpening.find_trainer(_link, _arguments):
+	if not LudusSessionSetup.find_trainer(_link, _arguments):
 		if _arguments.has_trainer():
 			_end(_link.error)
 		_link.close()
@@ -407,22 +405,22 @@ func _show_status(status: Dictionary) -> void:
 
 
 func _greet() -> void:
-	var opening := LudusOpening.new()
-	if not opening.greet(_link, _arguments, guided):
-		_fail(opening.code, opening.error, opening.hint)
+	var setup := LudusSessionSetup.new(_link, _arguments)
+	if not setup.greet(guided):
+		_fail(setup.code, setup.error, setup.hint)
 		return
-	_requests.open(opening.capabilities)
-	_metrics.is_open = LudusMetrics.CAPABILITY in opening.capabilities
-	var is_built := opening.build(guided, self)
-	_stage = opening.stage
-	_game = opening.game
+	_requests.open(setup.capabilities)
+	_metrics.is_open = LudusMetrics.CAPABILITY in setup.capabilities
+	var is_built := setup.build(guided, self)
+	_stage = setup.stage
+	_game = setup.game
 	if not is_built:
-		_fail(opening.code, opening.error, opening.hint)
+		_fail(setup.code, setup.error, setup.hint)
 		return
 	for policy: LudusPolicyBatch in _game.policies:
 		_requests.policy_names.append(policy.policy_name)
 	training_started.emit(_stage.worlds.size())
-	_send(opening.spec_frame())
+	_send(setup.spec_frame())
 	_serve()
 
 

@@ -187,7 +187,7 @@ func _add_agents() -> void:
 		var seat := LudusSimulationSeat.new(self, i)
 		_seats.append(seat)
 		var agent := LudusSimulationAgent.new()
-		agent.sit_down(seat)
+		agent.bind(seat)
 		agent.name = names[i].validate_node_name() + str(number)
 		agent.policy = policies.get(names[i])
 		agent.sample_actions = sample_actions

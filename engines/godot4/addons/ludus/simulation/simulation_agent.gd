@@ -9,7 +9,7 @@ var seat: LudusSimulationSeat
 
 
 ## Takes what the simulation declares for the agent's policy.
-func sit_down(own_seat: LudusSimulationSeat) -> void:
+func bind(own_seat: LudusSimulationSeat) -> void:
 	seat = own_seat
 	var simulation := seat.simulation
 	policy_name = simulation.policy_names()[seat.index]

@@ -9,7 +9,7 @@ var _simulations: Array[LudusSimulation] = []
 var _indices: PackedInt32Array = []
 var _seats: Array[LudusSimulationSeat] = []
 ## Whether a slot has no simulation, because its host has left the scene.
-var _has_lost: bool = false
+var _has_departed: bool = false
 
 
 ## Whether this batch can take these agents.
@@ -31,7 +31,7 @@ func set_agent(slot: int, agent: LudusAgent) -> void:
 	super(slot, agent)
 	var seat: LudusSimulationSeat = (agent as LudusSimulationAgent).seat if agent != null else null
 	_seats[slot] = seat
-	_has_lost = seat == null or (_has_lost and _targets.has(_lost))
+	_has_departed = seat == null or (_has_departed and _targets.has(_departed))
 	if seat == null:
 		return
 	seat.is_played = true
@@ -41,11 +41,11 @@ func set_agent(slot: int, agent: LudusAgent) -> void:
 
 func drop_leavers() -> void:
 	super()
-	_has_lost = _targets.has(_lost)
+	_has_departed = _targets.has(_departed)
 
 
 func play_randomly(rng: RandomNumberGenerator) -> void:
-	if _has_lost:
+	if _has_departed:
 		super(rng)
 		return
 	var limit := layout.max_steps if layout.max_steps > 0 else 1 << 62
@@ -72,26 +72,22 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 
 
 func _apply() -> void:
-	if _has_lost:
+	if _has_departed:
 		super()
-	elif layout.is_one_choice():
-		for slot: int in _simulations.size():
-			if active[slot] == 1:
-				_simulations[slot].apply_action(_indices[slot], _discrete[slot])
+	elif layout.is_one_choice:
+		for slot: int in _list_acting():
+			_simulations[slot].apply_action(_indices[slot], _discrete[slot])
 	else:
-		for slot: int in _simulations.size():
-			if active[slot] == 1:
-				_simulations[slot].apply_action(_indices[slot], _actions[slot])
+		for slot: int in _list_acting():
+			_simulations[slot].apply_action(_indices[slot], _actions[slot])
 
 
 func _ask_outcomes() -> void:
-	if _has_lost:
+	if _has_departed:
 		super()
 		return
 	var has_truncation := layout.has_truncation
-	for slot: int in _simulations.size():
-		if active[slot] == 0:
-			continue
+	for slot: int in _list_acting():
 		var simulation := _simulations[slot]
 		var index := _indices[slot]
 		_rewards[slot] = simulation.get_reward(index)
@@ -102,11 +98,8 @@ func _ask_outcomes() -> void:
 
 
 func _ask_observations() -> void:
-	if _has_lost:
+	if _has_departed:
 		super()
 		return
-	for slot: int in _simulations.size():
-		if active[slot] == 1:
-			_observations[slot] = _simulations[slot].get_observation(_indices[slot])
-		else:
-			_observations[slot] = null
+	for slot: int in _list_acting():
+		_observations[slot] = _simulations[slot].get_observation(_indices[slot])

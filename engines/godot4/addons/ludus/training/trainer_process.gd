@@ -8,9 +8,9 @@ const PYTHON_SETTING := "ludus/training/python"
 ## Environment variable with the same, for one machine.
 const PYTHON_VARIABLE := "LUDUS_PYTHON"
 const FOLDERS_ABOVE := 3
-## Exits with 0 if Ludus is there, without importing it. With [code]-P[/code], here and below,
+## Says "there" if Ludus is, without importing it. With [code]-P[/code], here and below,
 ## Python does not import from the folder that the game was started in.
-const PROBE := "import importlib.util, sys; sys.exit(importlib.util.find_spec('ludus') is None)"
+const PROBE := "import importlib.util; importlib.util.find_spec('ludus') and print('there')"
 ## Says "ours" if an environment, and the folder it lies in, are this user's alone. A group may
 ## write if it is the user's own, of the same name, as on Debian and Fedora.
 const IS_OURS := """
@@ -124,9 +124,7 @@ func _candidates() -> PackedStringArray:
 static func _is_ours(environment: String) -> bool:
 	if OS.has_feature("windows"):
 		return true
-	# Not `OS.execute`, which hands the text to one more shell first.
-	var pipe := OS.execute_with_pipe("sh", ["-c", IS_OURS, "sh", environment])
-	if not pipe.is_empty() and pipe["stdio"].get_line() == "ours":
+	if _first_line_of("sh", ["-c", IS_OURS, "sh", environment]) == "ours":
 		return true
 	var text := (
 		"Ludus: %s is not used: it, or the folder it lies in, is another user's, or others may"
@@ -137,4 +135,11 @@ static func _is_ours(environment: String) -> bool:
 
 
 static func _has_ludus(python: String) -> bool:
-	return OS.execute(python, ["-P", "-c", PROBE]) == 0
+	return _first_line_of(python, ["-P", "-c", PROBE]) == "there"
+
+
+## What a program says first; empty if it cannot be started. Not by [method OS.execute], which has a
+## shell read path and arguments first.
+static func _first_line_of(path: String, arguments: PackedStringArray) -> String:
+	var pipe := OS.execute_with_pipe(path, arguments)
+	return "" if pipe.is_empty() else (pipe["stdio"] as FileAccess).get_line()

@@ -129,7 +129,7 @@ func collect() -> void:
 		policy.collect_outcomes()
 	if not LudusRegistry.newcomers.is_empty():
 		_admit_newcomers()
-	var ended := PackedInt32Array()
+	var ended: Dictionary[int, bool] = {}
 	for policy: LudusPolicyBatch in policies:
 		for slot: int in policy.final_slots:
 			_continue_after(policy, slot, ended)
@@ -150,7 +150,7 @@ func release() -> void:
 	var fresh := _fresh_worlds
 	_fresh_worlds = []
 	for world: LudusWorld in fresh:
-		_begin_episode(_stage.worlds.find(world))
+		_begin_episode(_stage.find(world))
 
 
 ## Takes the worlds that must tick alone before they are observed.
@@ -288,7 +288,7 @@ func _rebuild_all() -> void:
 
 
 ## An agent's own next episode, or the next episode of its world once all have ended.
-func _continue_after(policy: LudusPolicyBatch, slot: int, ended: PackedInt32Array) -> void:
+func _continue_after(policy: LudusPolicyBatch, slot: int, ended: Dictionary[int, bool]) -> void:
 	var agent := policy.agents[slot]
 	if agent != null and _is_per_agent and not agent.is_leaving():
 		var world := agent.world
@@ -301,8 +301,8 @@ func _continue_after(policy: LudusPolicyBatch, slot: int, ended: PackedInt32Arra
 		policy.activate(slot)
 		return
 	var i := slot / _slots_per_world[policy.policy_name]
-	if not _has_active(i) and i not in ended:
-		ended.append(i)
+	if not ended.has(i) and not _has_active(i):
+		ended[i] = true
 
 
 func _has_active(i: int) -> bool:
@@ -373,8 +373,8 @@ func _drop_leavers() -> void:
 
 func _admit_newcomers() -> void:
 	for agent: LudusAgent in LudusRegistry.take_newcomers():
-		var i := _stage.worlds.find(LudusWorld.find_above(agent))
-		if i >= 0 and agent.enabled:
+		var i := _stage.find(LudusWorld.find_above(agent))
+		if i >= 0 and agent.enabled and not agent.is_in_batch():
 			_admit(agent, i)
 
 
@@ -384,8 +384,6 @@ func _admit(agent: LudusAgent, i: int) -> void:
 		error = "agent %s: %s" % [agent.path_in_world(), problem]
 		return
 	for policy: LudusPolicyBatch in policies:
-		if policy.agents.has(agent):
-			return
 		if policy.policy_name != agent.policy_name:
 			continue
 		var num_slots := _slots_per_world[policy.policy_name]

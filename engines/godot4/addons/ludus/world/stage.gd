@@ -2,13 +2,16 @@ extends Node
 ## Makes copies of a scene and keeps them apart (ARCHITECTURE.md, world cloning).
 
 const LudusExtent := preload("res://addons/ludus/world/extent.gd")
-const LudusViews := preload("res://addons/ludus/world/views.gd")
+
+## Method of the root of a viewer scene: one that shows the worlds instead of being one. It returns
+## the [PackedScene] that worlds are copies of.
+const VIEWER_METHOD := &"ludus_world_scene"
 
 ## The worlds, in order.
 var worlds: Array[LudusWorld] = []
 ## The layout in use.
 var layout: LudusWorld.Layout = LudusWorld.Layout.ISOLATED
-## Why [method build] failed.
+## Why [method build] failed, or what went wrong while worlds settled; else empty.
 var error: String = ""
 ## The scene that the worlds are copies of.
 var scene: PackedScene
@@ -20,12 +23,15 @@ var has_pictures: bool = false
 ## Between copies in the grid.
 var _distance := Vector3.ZERO
 var _spaces: Array[SubViewport] = []
-var _views: LudusViews
+var _views: Views
 var _num_worlds: int = 1
 var _first_world: int = 0
 var _layout_name: String = "scene"
 ## Worlds that are drawn.
 var _num_views: int = 0
+## Worlds that tick alone until they can be observed, and for how long they have.
+var _settling: Array[LudusWorld] = []
+var _num_settle_ticks: int = 0
 
 
 ## Worlds stop when the tree is paused, unlike the bridge above them.
@@ -75,6 +81,12 @@ func build() -> bool:
 	return true
 
 
+## The number of a world here, or -1 if it is none of these.
+func find(world: LudusWorld) -> int:
+	var i := world.index - _first_world if world != null else -1
+	return i if i >= 0 and i < worlds.size() and worlds[i] == world else -1
+
+
 ## Makes one world anew at its place and returns it. Seed, episode and parameters are kept.
 func rebuild_world(i: int) -> LudusWorld:
 	var old := worlds[i]
@@ -102,8 +114,55 @@ func clear() -> void:
 		child.free()
 
 
+## Lets only some worlds tick until they can be observed: for their
+## [member LudusWorld.settle_ticks], and until their simulation has begun.
+func begin_settling(settling: Array[LudusWorld]) -> void:
+	_settling = settling
+	_num_settle_ticks = 0
+	_set_running(_settling)
+
+
+## Notes that a tick has passed. Returns whether all worlds can be observed; then everything goes
+## on. Sets [member error] if that will never be.
+func advance_settling() -> bool:
+	_num_settle_ticks += 1
+	_check_sharing()
+	var rest := _settling.filter(_is_settling)
+	if rest.is_empty():
+		_set_running([])
+		return true
+	if rest.size() < _settling.size():
+		_settling.assign(rest)
+		_check_sharing()
+		_set_running(_settling)
+	_check_limit()
+	return false
+
+
+## Returns what worlds are made of when a trainer asks for [param asked], and puts that on show,
+## once, if it is a viewer scene; there it stays when worlds are made anew.
+static func show_viewer(asked: PackedScene, tree: SceneTree) -> PackedScene:
+	if not is_viewer(asked):
+		return asked
+	var root := asked.instantiate()
+	tree.root.add_child(root)
+	tree.current_scene = root
+	return root.call(VIEWER_METHOD)
+
+
+## Whether the root of a scene names another one that worlds are made of.
+static func is_viewer(asked: PackedScene) -> bool:
+	var script := _root_script(asked)
+	if script == null:
+		return false
+	for method: Dictionary in script.get_script_method_list():
+		if method["name"] == VIEWER_METHOD:
+			return true
+	return false
+
+
 ## Stops the physics of all worlds but some, or lets all go on. Only the isolated layout can.
-func set_running(running: Array[LudusWorld]) -> void:
+func _set_running(running: Array[LudusWorld]) -> void:
 	var all := running.is_empty()
 	get_tree().paused = not all
 	PhysicsServer2D.set_active(true)
@@ -119,6 +178,46 @@ func set_running(running: Array[LudusWorld]) -> void:
 		world.root.process_mode = (
 			Node.PROCESS_MODE_ALWAYS if runs and not all else Node.PROCESS_MODE_INHERIT
 		)
+
+
+## The script of the root, which may come from the scene that this one inherits.
+static func _root_script(asked: PackedScene) -> Script:
+	var state := asked.get_state()
+	for i: int in state.get_node_property_count(0):
+		if state.get_node_property_name(0, i) == &"script":
+			return state.get_node_property_value(0, i) as Script
+	var inherited := state.get_node_instance(0)
+	return _root_script(inherited) if inherited != null else null
+
+
+func _is_settling(world: LudusWorld) -> bool:
+	return not world.is_ready or _num_settle_ticks < world.settle_ticks
+
+
+## Physics of a space that worlds share cannot tick for some of them only.
+func _check_sharing() -> void:
+	if _settling.size() == worlds.size():
+		return
+	for world: LudusWorld in _settling:
+		var host := world.root as LudusSimulationHost
+		if host != null and host.is_sharing() and error.is_empty():
+			error = (
+				"world %d: %s awaits ticks to begin: in the grid no world can tick alone"
+				% [find(world), host.simulation.describe()]
+			)
+
+
+func _check_limit() -> void:
+	for world: LudusWorld in _settling:
+		var host := world.root as LudusSimulationHost
+		if host == null or world.is_ready or not error.is_empty():
+			continue
+		var limit := host.simulation.max_begin_ticks()
+		if _num_settle_ticks >= limit:
+			error = (
+				"world %d: %s: create() and begin_episode() are not over after %d ticks"
+				% [find(world), host.simulation.describe(), limit]
+			)
 
 
 ## Cameras of agents draw without one.
@@ -194,7 +293,7 @@ func _add_space(is_seen: bool) -> SubViewport:
 
 func _add_seen_space() -> SubViewport:
 	if _views == null:
-		_views = LudusViews.new(_num_views)
+		_views = Views.new(_num_views)
 		add_child(_views)
 	var viewport := _views.add_view()
 	viewport.own_world_3d = true
@@ -242,3 +341,64 @@ static func _axes(root: Node, spacing: Vector3) -> PackedInt32Array:
 		if spacing[axis] > 0.0:
 			axes.append(axis)
 	return axes
+
+
+## Shows several worlds side by side, each in a view of its own.
+##
+## A view of a world that shares the space of the first looks as the first view does, as far away
+## from there as the worlds are apart. That is for 2D only: in 3D worlds in a grid see each other.
+class Views:
+	extends GridContainer
+	var _followed: Dictionary[SubViewport, LudusWorld] = {}
+	var _first: LudusWorld
+	## Whether the first view is the only one, and fills the window whatever its shape.
+	var _is_alone: bool
+
+	func _init(num_views: int) -> void:
+		name = "Views"
+		_is_alone = num_views == 1
+		columns = ceili(sqrt(num_views))
+		set_anchors_preset(Control.PRESET_FULL_RECT)
+		add_theme_constant_override(&"h_separation", 2)
+		add_theme_constant_override(&"v_separation", 2)
+
+	## Adds a view that fits itself into the window. What it shows is as large as in a window of the
+	## project's size.
+	func add_view() -> SubViewport:
+		var viewport := SubViewport.new()
+		var container := SubViewportContainer.new()
+		container.stretch = true
+		container.add_child(viewport)
+		var frame: Control = container if _is_alone else _frame_of_window_shape(viewport, container)
+		frame.size_flags_horizontal = Control.SIZE_EXPAND_FILL
+		frame.size_flags_vertical = Control.SIZE_EXPAND_FILL
+		add_child(frame)
+		return viewport
+
+	## Lets a view look at [param world], which lies in the space of another view.
+	func look_at_world(world: LudusWorld, first: LudusWorld) -> void:
+		var viewport := add_view()
+		_first = first
+		viewport.world_2d = first.root.get_viewport().world_2d
+		_followed[viewport] = world
+
+	static func _frame_of_window_shape(viewport: SubViewport, container: Control) -> Control:
+		viewport.size_2d_override = Vector2i(
+			int(ProjectSettings.get_setting("display/window/size/viewport_width")),
+			int(ProjectSettings.get_setting("display/window/size/viewport_height"))
+		)
+		viewport.size_2d_override_stretch = true
+		var frame := AspectRatioContainer.new()
+		frame.ratio = float(viewport.size_2d_override.x) / viewport.size_2d_override.y
+		frame.add_child(container)
+		return frame
+
+	func _process(_delta: float) -> void:
+		if _followed.is_empty() or not is_instance_valid(_first):
+			return
+		var seen := _first.root.get_viewport().canvas_transform
+		for viewport: SubViewport in _followed:
+			var world := _followed[viewport]
+			if is_instance_valid(world):
+				var offset := (world.root as Node2D).position - (_first.root as Node2D).position
+				viewport.canvas_transform = seen.translated_local(-offset)
