@@ -250,7 +250,7 @@ def test_an_environment_that_others_may_change_is_not_run(
     (project / "find.gd").write_text(FIND_PYTHON)
     python = above / ".venv" / "bin" / "python"
     python.parent.mkdir(parents=True)
-    python.write_text(f"#!/bin/sh\ntouch {tmp_path}/ran\n")
+    python.write_text(f"#!/bin/sh\ntouch {tmp_path}/ran\necho there\n")
     python.chmod(0o755)
     if change is not None:
         change(above / folder)
