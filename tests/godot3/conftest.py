@@ -80,8 +80,9 @@ func reset() -> void:
 	applied = 0
 	ticks = 0
 	resets += 1
-func get_last() -> Dictionary:
-	return {"move": last.move, "aim": Array(last.aim), "type": typeof(last.aim)}
+func ludus_last() -> Dictionary:
+	var is_real := typeof(last.aim) == TYPE_REAL_ARRAY
+	return {"move": last.move, "aim": Array(last.aim), "type": "PoolRealArray" if is_real else ""}
 func get_action_mask() -> PoolByteArray:
 	return PoolByteArray([1, 0, resets % 2])
 """

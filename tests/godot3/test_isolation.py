@@ -1,4 +1,4 @@
-"""What a LudusAgent of Godot 3 can be told beside what both engines share; and worlds apart."""
+"""Worlds of Godot 3 apart, with the physics of Bullet."""
 
 from __future__ import annotations
 
@@ -10,49 +10,9 @@ from ludus.errors import TargetError
 from ludus.session import EngineSession
 from ludus.spec.batch import ActionBatch
 from ludus.wire.reset import ResetRequest
-from tests.godot.conftest import Game, reset, step
+from tests.godot.conftest import Game, reset
 
 pytestmark = pytest.mark.engine
-
-POOL_REAL_ARRAY = 22
-
-
-def test_every_agent_gets_its_own_action(game: Game) -> None:
-    session = game.open("every", num_worlds=3)
-    reset(session)
-    discrete = np.array([[2], [0], [1]])
-    continuous = np.array([[0.5, -1.0], [0.25, 0.0], [-0.125, 1.0]], np.float32)
-    session.send({"agent": ActionBatch(discrete, continuous)})
-    session.receive()
-    for world in range(3):
-        assert session.call({"world": world, "agent": "Agent"}, "get_last") == {
-            "move": discrete[world, 0],
-            "aim": continuous[world].tolist(),
-            "type": POOL_REAL_ARRAY,
-        }
-
-
-def test_masks(game: Game) -> None:
-    session = game.open("masked", num_worlds=2)
-    assert session.policies["agent"].has_action_mask
-    mask = reset(session)["agent"].action_mask
-    assert mask is not None and mask.tolist() == [[1, 0, 1]] * 2
-    mask = step(session, 4)["agent"].action_mask  # the next episode has begun
-    assert mask is not None and mask.tolist() == [[1, 0, 0]] * 2
-
-
-def test_several_policies(game: Game) -> None:
-    session = game.open("several", num_worlds=2)
-    assert {name: spec.num_agents for name, spec in session.policies.items()} == {
-        "hero": 4,
-        "target": 2,
-    }
-    paths = [(agent.world, agent.path) for agent in session.policies["hero"].agents]
-    assert paths == [(0, "A"), (0, "C"), (1, "A"), (1, "C")]
-    reset(session)
-    batches = step(session, 2)
-    assert batches["hero"].observation["counts"].tolist() == [[6, 6, 1]] * 4
-    assert batches["target"].observation["counts"].tolist() == [[6, 6, 1]] * 2
 
 
 def play(session: EngineSession, num_steps: int, first_world: int = 0) -> NDArray[np.float32]:
