@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -58,3 +62,27 @@ def test_a_killed_game_is_replaced_by_its_worker(tmp_path: Path) -> None:
     assert run.stop_reason == "total_steps"
     assert run.metrics[-1]["restarts"] == 1
     assert not any(psutil.pid_exists(pid) for pid in killed)
+
+
+def test_workers_and_games_end_with_a_trainer_that_is_killed(tmp_path: Path) -> None:
+    command = [
+        sys.executable, "-m", "ludus", "train", "cartpole", "--cluster", "local:2",
+        "--num-engines", "1", "--num-worlds", "4", "--total-steps", "100000000",
+        "--runs", str(tmp_path), "--name", "run",
+    ]  # fmt: skip
+    trainer = psutil.Popen(command, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    metrics = tmp_path / "run" / "metrics.jsonl"
+    wait_until(lambda: metrics.exists() and len(read_metrics(metrics)) > 2)
+    started = trainer.children(recursive=True)
+    assert len(started) >= 4  # two workers and their games
+    trainer.kill()
+    trainer.wait()
+    _, left = psutil.wait_procs(started, timeout=60.0)
+    assert left == []
+
+
+def wait_until(is_so: Callable[[], bool]) -> None:
+    limit_s = time.monotonic() + 120.0
+    while not is_so():
+        assert time.monotonic() < limit_s
+        time.sleep(0.2)
