@@ -64,7 +64,7 @@ class LegacyEnv(gymnasium.Env[Any, Any]):
         if self._needs_reset:
             raise SequenceError("step outside an episode", hint="call reset() first")
         self.game.send([action])
-        (observation,), (reward,), (is_terminated,), _ = self.game.receive()
+        (observation,), (reward,), (is_terminated,) = self.game.receive()[:3]
         self._needs_reset = is_terminated
         return observation, reward, is_terminated, False, {}
 

@@ -11,20 +11,27 @@ from gymnasium import spaces
 
 from ludus.errors import UsageError
 
-__all__ = ["Declaration", "LegacyGame", "Outcome", "check_reset_parameters"]
+__all__ = ["POLICY", "Declaration", "LegacyGame", "Outcome", "check_reset_parameters"]
+
+POLICY = "agent"
+"""Name of the policy where the wire knows no names."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Declaration:
-    """What the user says of a game whose wire does not tell it.
+    """Agents of a game that share a policy, as the user or the game declares them.
 
     Attributes:
         name: The game, for messages.
         observation_space: What one agent observes: a box, or a dictionary of boxes.
         action_space: What one agent does: discrete, multi-discrete, multi-binary, a bounded box.
-        num_agents: Agents of the game, which all have these spaces. Their episodes begin together:
-            an agent that ends early waits until all have ended.
+        num_agents: How many have these spaces.
         steps_per_second: Steps in one second of game time.
+        policy: Name of their policy.
+        rows: Their places among all agents of the game; None: they are all.
+        is_restarting: Whether the game begins the next episode of an agent by itself, in the step
+            that ends one. If not, episodes begin together: an agent that ends early waits until
+            all have ended.
     """
 
     name: str
@@ -32,6 +39,9 @@ class Declaration:
     action_space: spaces.Space[Any]
     num_agents: int = 1
     steps_per_second: float = 60.0
+    policy: str = POLICY
+    rows: tuple[int, ...] | None = None
+    is_restarting: bool = False
 
 
 class Outcome(NamedTuple):
@@ -44,12 +54,14 @@ class Outcome(NamedTuple):
         rewards: Numbers.
         terminated: Whether the agent's episode has ended by itself.
         truncated: Whether it was broken off.
+        active: Whether an agent that restarts by itself acts on its observation; None: all do.
     """
 
     observations: Sequence[Any]
     rewards: Sequence[float]
     terminated: Sequence[bool]
     truncated: Sequence[bool]
+    active: Sequence[bool] | None = None
 
 
 class LegacyGame(ABC):
@@ -60,14 +72,15 @@ class LegacyGame(ABC):
     the game.
 
     Args:
-        declaration: What the user has said of the game; never changes.
+        declarations: One per policy; they never change. :attr:`declaration` is the first.
     """
 
     methods: Mapping[str, Callable[..., Any]] = {}
     """What ``Session.call`` reaches, by name; takes and returns plain JSON."""
 
-    def __init__(self, declaration: Declaration) -> None:
-        self.declaration = declaration
+    def __init__(self, *declarations: Declaration) -> None:
+        self.declarations = declarations
+        self.declaration = declarations[0]
 
     @abstractmethod
     def reset(self, seed: int | None, parameters: Mapping[str, Any] | None) -> Sequence[Any]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ludus.errors import GameError, SequenceError, UsageError
 from ludus.legacy.game import LegacyGame
-from ludus.legacy.world import POLICY, LegacyWorld, read_declaration
+from ludus.legacy.world import LegacyWorld, num_agents_of, read_declarations
 from ludus.spec import PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batches, StepTimes
 from ludus.spec.finite import check_finite
@@ -24,10 +24,10 @@ __all__ = ["LegacySession"]
 
 
 class LegacySession:
-    """One game as a :class:`~ludus.session.Session`: one world, one policy, ``agent``.
+    """One game as a :class:`~ludus.session.Session`: one world with the policies it declares.
 
-    The episode of a world ends when those of all its agents have; the next one begins in the same
-    step. A game that fails is closed.
+    Where agents do not restart by themselves, the episode of a world ends when those of all its
+    agents have; the next one begins in the same step. A game that fails is closed.
 
     Args:
         game: Closed with the session, and also if the session cannot be made.
@@ -41,14 +41,17 @@ class LegacySession:
     def __init__(self, game: LegacyGame, max_episode_steps: int | None = None) -> None:
         self._game = game
         try:
-            self._spec = read_declaration(game.declaration, max_episode_steps)
-            (policy,) = self._spec.policies
-            self._world = LegacyWorld(policy, game.declaration)
+            self._spec = read_declarations(game.declarations, max_episode_steps)
+            self._num_agents = num_agents_of(game.declarations)
+            declared = zip(self._spec.policies, game.declarations, strict=True)
+            self._worlds = [LegacyWorld(*pair, self._num_agents) for pair in declared]
         except BaseException:
             game.close()
             raise
-        self._batches: Batches = {POLICY: self._world.batch}
-        self._policies: dict[str, PolicySpec] = {POLICY: policy}
+        self._policies: dict[str, PolicySpec] = {part.name: part for part in self._spec.policies}
+        self._batches: Batches = {
+            name: world.batch for name, world in zip(self._policies, self._worlds, strict=True)
+        }
         self._has_reset = self._is_in_flight = False
         self._num_steps = self._num_steps_in_all = 0
         self._close_on_error = _CloseOnError(game)
@@ -58,7 +61,7 @@ class LegacySession:
 
     @property
     def spec(self) -> Spec:
-        """What the user has declared."""
+        """What the user or the game has declared."""
         return self._spec
 
     @property
@@ -85,7 +88,8 @@ class LegacySession:
         if action is ResetAction.LEAVE and not self._has_reset:
             raise SequenceError("the world was left alone before its first reset")
         with self._close_on_error:
-            self._world.clear_outcome()
+            for world in self._worlds:
+                world.clear_outcome()
             if action is not ResetAction.LEAVE:
                 self._begin(int(request.seeds[0]) if action is ResetAction.SEED else None, given)
             check_finite(self._policies, self._batches, 0)
@@ -105,7 +109,9 @@ class LegacySession:
         self._check_turn("step")
         if not self._has_reset:
             raise SequenceError("step before the first reset", hint="call reset() first")
-        own = self._world.actions(actions)
+        own: list[Any] = [None] * self._num_agents
+        for world in self._worlds:
+            world.write_actions(actions, own)
         self._sent_ns = time.perf_counter_ns()
         self._wait_ns = self._sent_ns - self._answered_ns
         with self._close_on_error:
@@ -128,7 +134,8 @@ class LegacySession:
             answered_ns = time.perf_counter_ns()
             engine_ns = answered_ns - self._sent_ns
             self._num_steps += 1
-            reset_ns = self._begin(None, None) if self._world.take(outcome) else 0
+            have_ended = [world.take(outcome) for world in self._worlds]
+            reset_ns = self._begin(None, None) if all(have_ended) else 0
             check_finite(self._policies, self._batches, self._num_steps)
         self._answered_ns = time.perf_counter_ns()
         bridge_ns = self._answered_ns - answered_ns - reset_ns
@@ -190,7 +197,8 @@ class LegacySession:
         began_ns = time.perf_counter_ns()
         observations = self._game.reset(seed, parameters)
         taken_ns = time.perf_counter_ns() - began_ns
-        self._world.begin(observations)
+        for world in self._worlds:
+            world.begin(observations)
         return taken_ns
 
     def _check_turn(self, what: str) -> None:

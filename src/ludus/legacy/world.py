@@ -1,4 +1,4 @@
-"""The one world of a legacy game: its batch, its episodes, same-step autoreset."""
+"""The agents of one policy of a legacy game: batch, episodes, same-step autoreset."""
 
 from __future__ import annotations
 
@@ -12,21 +12,23 @@ from ludus.spec.batch import ActionBatch, Batch
 from ludus.spec.batch_rows import action_reader, clear_outcome, write_finals, write_state
 from ludus.spec.gymnasium_spec import read_action, read_observation
 
-__all__ = ["POLICY", "LegacyWorld", "read_declaration"]
-
-POLICY = "agent"
-"""Name of the one policy; these wires know no names."""
+__all__ = ["LegacyWorld", "num_agents_of", "read_declarations"]
 
 
 class LegacyWorld:
-    """Turns what one game says into batches (PROTOCOL.md §7, "Meaning").
+    """Turns what a game says of one policy into batches (PROTOCOL.md §7, "Meaning").
 
     Args:
-        policy: The one policy of the game.
+        policy: The policy.
         declaration: Where it comes from.
+        num_in_all: Agents of the game, also those of other policies.
     """
 
-    def __init__(self, policy: PolicySpec, declaration: Declaration) -> None:
+    def __init__(self, policy: PolicySpec, declaration: Declaration, num_in_all: int) -> None:
+        self._name = policy.name
+        self._rows = _rows_of(declaration)
+        self._num_in_all = num_in_all
+        self._is_restarting = declaration.is_restarting
         self.batch = Batch.allocate(policy, policy.num_agents)
         self._num_agents = policy.num_agents
         self._max_episode_steps = policy.max_episode_steps
@@ -34,7 +36,7 @@ class LegacyWorld:
         self._continuous_shape = (policy.num_agents, policy.continuous_size)
         self._to_action = action_reader(declaration.action_space)
         self._is_active = [False] * policy.num_agents
-        self._num_steps = 0
+        self._num_steps = [0] * policy.num_agents
 
     def begin(self, observations: Sequence[Any]) -> None:
         """Begin an episode with its first observations; reward and ends stay as they are.
@@ -43,73 +45,79 @@ class LegacyWorld:
             GameError: An observation does not fit the spec.
             ProtocolError: There is not one for each agent.
         """
-        if len(observations) != self._num_agents:
-            raise _wrong_count(len(observations), self._num_agents)
-        self._num_steps = 0
-        for row, observation in enumerate(observations):
-            self._write(row, observation)
+        self._check_count(observations)
+        for row, place in enumerate(self._rows):
+            self._write(row, observations[place])
             self._is_active[row] = True
+            self._num_steps[row] = 0
         self.batch.active[:] = True
 
     def clear_outcome(self) -> None:
         """Set reward and ends to nothing, as in the answer to a reset."""
         clear_outcome(self.batch)
 
-    def actions(self, actions: Mapping[str, ActionBatch]) -> list[Any]:
-        """Return an element of the action space for each agent; None for who has ended.
+    def write_actions(self, actions: Mapping[str, ActionBatch], into: list[Any]) -> None:
+        """Put an element of the action space at each agent's place; None for who has ended.
 
         Raises:
             ActionError: There are none of the policy, or they have the wrong shape.
         """
-        own = actions.get(POLICY)
+        own = actions.get(self._name)
         if own is None:
-            raise ActionError(f"no actions for policy {POLICY}")
-        _check_shape("discrete", own.discrete.shape, self._discrete_shape)
-        _check_shape("continuous", own.continuous.shape, self._continuous_shape)
-        return [
-            self._to_action(own, row) if is_active else None
-            for row, is_active in enumerate(self._is_active)
-        ]
+            raise ActionError(f"no actions for policy {self._name}")
+        self._check_shape("discrete", own.discrete.shape, self._discrete_shape)
+        self._check_shape("continuous", own.continuous.shape, self._continuous_shape)
+        for row, place in enumerate(self._rows):
+            into[place] = self._to_action(own, row) if self._is_active[row] else None
 
     def take(self, outcome: Outcome) -> bool:
         """Write down what a step led to.
 
         Returns:
-            Whether all agents have ended, so that :meth:`begin` is next.
+            Whether all agents have ended and wait, so that :meth:`begin` is next.
 
         Raises:
             GameError: Something does not fit the spec.
             ProtocolError: There is not one of everything for each agent.
         """
         for part in outcome:
-            if len(part) != self._num_agents:
-                raise _wrong_count(len(part), self._num_agents)
+            if part is not None:
+                self._check_count(part)
         clear_outcome(self.batch)
-        self._num_steps += 1
         finals = self._note_ends(outcome)
-        for row, is_active in enumerate(self._is_active):
-            if is_active:
-                self._write(row, outcome.observations[row])
+        if self._is_restarting:
+            self._restart(outcome.active)
+        for row, place in enumerate(self._rows):
+            if self._is_active[row]:
+                self._write(row, outcome.observations[place])
         if finals:
             self._write_finals(finals)
-        return not any(self._is_active)
+        return not (self._is_restarting or any(self._is_active))
 
     def _note_ends(self, outcome: Outcome) -> list[tuple[int, Any]]:
         """Write rewards and ends of who acted; return the last observations of who ended."""
         limit, batch = self._max_episode_steps, self.batch
-        is_last = limit is not None and self._num_steps >= limit
         finals: list[tuple[int, Any]] = []
-        for row, is_active in enumerate(self._is_active):
-            if not is_active:
+        for row, place in enumerate(self._rows):
+            if not self._is_active[row]:
                 continue
-            batch.reward[row] = outcome.rewards[row]
-            is_terminated = bool(outcome.terminated[row])
-            is_truncated = bool(outcome.truncated[row]) or (is_last and not is_terminated)
+            self._num_steps[row] += 1
+            is_last = limit is not None and self._num_steps[row] >= limit
+            batch.reward[row] = outcome.rewards[place]
+            is_terminated = bool(outcome.terminated[place])
+            is_truncated = not is_terminated and (is_last or bool(outcome.truncated[place]))
             if is_terminated or is_truncated:
                 batch.terminated[row], batch.truncated[row] = is_terminated, is_truncated
                 self._is_active[row] = batch.active[row] = False
-                finals.append((row, outcome.observations[row]))
+                finals.append((row, outcome.observations[place]))
         return finals
+
+    def _restart(self, active: Sequence[bool] | None) -> None:
+        """Let agents whose next episode has begun by itself act again."""
+        for row, place in enumerate(self._rows):
+            if not self._is_active[row] and (active is None or active[place]):
+                self._is_active[row] = self.batch.active[row] = True
+                self._num_steps[row] = 0
 
     def _write_finals(self, finals: list[tuple[int, Any]]) -> None:
         rows = [row for row, _ in finals]
@@ -117,8 +125,22 @@ class LegacyWorld:
             write_finals(self.batch, finals)
         except (ValueError, TypeError, KeyError) as error:
             raise _does_not_fit(rows, error) from error
+        waiting = [row for row in rows if not self._is_active[row]]
         for values in self.batch.observation.values():
-            values[rows] = 0
+            values[waiting] = 0
+
+    def _check_count(self, part: Sequence[Any]) -> None:
+        if len(part) != self._num_in_all:
+            raise ProtocolError(
+                f"the game answered for {len(part)} agents, expected {self._num_in_all}",
+                hint="num_agents must be what the game has",
+            )
+
+    def _check_shape(self, kind: str, shape: tuple[int, ...], expected: tuple[int, ...]) -> None:
+        if shape != expected:
+            raise ActionError(
+                f"{self._name}.{kind}: expected actions of shape {expected}, got {shape}"
+            )
 
     def _write(self, row: int, observation: Any) -> None:
         try:
@@ -127,39 +149,41 @@ class LegacyWorld:
             raise _does_not_fit([row], error) from error
 
 
-def read_declaration(declaration: Declaration, max_episode_steps: int | None) -> Spec:
+def num_agents_of(declarations: Sequence[Declaration]) -> int:
+    """Return how many agents a game has in all."""
+    return sum(declaration.num_agents for declaration in declarations)
+
+
+def read_declarations(declarations: Sequence[Declaration], max_episode_steps: int | None) -> Spec:
     """Return the spec of a game with one world.
 
     Raises:
         TargetError: A space cannot be trained.
         ConfigError: There are no agents.
     """
+    first = declarations[0]
+    policies = tuple(_read_policy(part, max_episode_steps) for part in declarations)
+    return Spec(1, "isolated", 1, first.steps_per_second, policies, first.name)
+
+
+def _read_policy(declaration: Declaration, max_episode_steps: int | None) -> PolicySpec:
     num = declaration.num_agents
     if num < 1:
         raise ConfigError(f"num_agents is {num}, expected at least 1")
-    policy = PolicySpec(
-        name=POLICY,
+    is_together = num > 1 and not declaration.is_restarting
+    return PolicySpec(
+        name=declaration.policy,
         observation=read_observation(declaration.observation_space),
         action=read_action(declaration.action_space),
-        agents=tuple(AgentSpec(0, str(index)) for index in range(num)),
+        agents=tuple(AgentSpec(0, str(place)) for place in _rows_of(declaration)),
         agents_per_world=num,
-        episode="world" if num > 1 else "agent",
+        episode="world" if is_together else "agent",
         max_episode_steps=max_episode_steps,
     )
-    rate = declaration.steps_per_second
-    return Spec(1, "isolated", 1, rate, (policy,), declaration.name)
 
 
-def _check_shape(kind: str, shape: tuple[int, ...], expected: tuple[int, ...]) -> None:
-    if shape != expected:
-        raise ActionError(f"{POLICY}.{kind}: expected actions of shape {expected}, got {shape}")
-
-
-def _wrong_count(count: int, expected: int) -> ProtocolError:
-    return ProtocolError(
-        f"the game answered for {count} agents, expected {expected}",
-        hint="num_agents must be what the game has",
-    )
+def _rows_of(declaration: Declaration) -> tuple[int, ...]:
+    return tuple(range(declaration.num_agents)) if declaration.rows is None else declaration.rows
 
 
 def _does_not_fit(rows: list[int], error: Exception) -> GameError:

@@ -9,8 +9,9 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from ludus.spec import ContinuousAction
 from ludus.spec.batch import ActionBatch, Batch
-from ludus.spec.gymnasium_spec import SINGLE_ENTRY
+from ludus.spec.gymnasium_spec import SINGLE_ENTRY, read_action
 
 __all__ = ["action_reader", "clear_outcome", "write_finals", "write_state"]
 
@@ -25,8 +26,32 @@ def action_reader(space: spaces.Space[Any]) -> Callable[[ActionBatch, int], Any]
         return lambda actions, row: actions.discrete[row] + first
     if isinstance(space, spaces.MultiBinary):
         return lambda actions, row: actions.discrete[row].astype(np.int8)
+    if isinstance(space, spaces.Dict):
+        return _dict_reader(cast(Mapping[str, spaces.Space[Any]], cast(Any, space).spaces))
     shape, dtype = cast(tuple[int, ...], space.shape), space.dtype
     return lambda actions, row: actions.continuous[row].reshape(shape).astype(dtype)
+
+
+def _dict_reader(parts: Mapping[str, spaces.Space[Any]]) -> Callable[[ActionBatch, int], Any]:
+    readers: list[tuple[str, Callable[[ActionBatch, int], Any], slice, slice]] = []
+    num_discrete = num_continuous = 0
+    for name, space in parts.items():
+        components = read_action(space)
+        sizes = [part.size for part in components if isinstance(part, ContinuousAction)]
+        discrete = slice(num_discrete, num_discrete + len(components) - len(sizes))
+        continuous = slice(num_continuous, num_continuous + sum(sizes))
+        num_discrete, num_continuous = discrete.stop, continuous.stop
+        readers.append((name, action_reader(space), discrete, continuous))
+
+    def read(actions: ActionBatch, row: int) -> dict[str, Any]:
+        return {
+            name: reader(
+                ActionBatch(actions.discrete[:, discrete], actions.continuous[:, continuous]), row
+            )
+            for name, reader, discrete, continuous in readers
+        }
+
+    return read
 
 
 def write_state(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -17,6 +18,8 @@ __all__ = ["SINGLE_ENTRY", "read_action", "read_observation"]
 
 SINGLE_ENTRY = "observation"
 """Name of the entry if the space is not a dictionary."""
+SINGLE_ACTION = "action"
+"""Name of the component, or the beginning of names, if the space is not a dictionary."""
 
 
 def read_observation(space: spaces.Space[Any]) -> tuple[ObservationEntry, ...]:
@@ -36,25 +39,33 @@ def read_action(space: spaces.Space[Any]) -> tuple[ActionComponent, ...]:
 
     Raises:
         TargetError: It is neither discrete, nor multi-discrete, nor multi-binary, nor a bounded
-            box.
+            box, nor a dictionary of these.
     """
+    if isinstance(space, spaces.Dict):
+        parts = cast(Mapping[str, spaces.Space[Any]], cast(Any, space).spaces)
+        return tuple(
+            replace(part, name=name + part.name.removeprefix(SINGLE_ACTION))
+            for name, inner in parts.items()
+            for part in read_action(inner)
+        )
     if isinstance(space, spaces.Discrete):
-        return (DiscreteAction("action", int(space.n)),)
+        return (DiscreteAction(SINGLE_ACTION, int(space.n)),)
     if isinstance(space, spaces.MultiDiscrete) and len(space.shape) == 1:
         return _choices(cast(NDArray[np.int64], cast(Any, space).nvec))
     if isinstance(space, spaces.MultiBinary) and len(space.shape) == 1:
         return _choices(np.full(space.shape, 2))
     if isinstance(space, spaces.Box) and space.is_bounded():
         size = math.prod(space.shape)
-        return (ContinuousAction("action", size, *_bounds(cast(Any, space))),)
+        return (ContinuousAction(SINGLE_ACTION, size, *_bounds(cast(Any, space))),)
     raise TargetError(
         f"cannot train with the action space {space}",
-        "wrap the environment so that it is Discrete, MultiDiscrete or a bounded Box",
+        "wrap the environment so that it is Discrete, MultiDiscrete, a bounded Box or a Dict of "
+        "these",
     )
 
 
 def _choices(sizes: NDArray[np.int64]) -> tuple[DiscreteAction, ...]:
-    return tuple(DiscreteAction(f"action_{i}", int(n)) for i, n in enumerate(sizes))
+    return tuple(DiscreteAction(f"{SINGLE_ACTION}_{i}", int(n)) for i, n in enumerate(sizes))
 
 
 def _read_entry(name: str, space: spaces.Space[Any]) -> ObservationEntry:
