@@ -21,12 +21,14 @@ class GameAddress:
     Attributes:
         address: What follows the prefix of the target.
         num_games: How many are opened in all.
+        number: Which of them it is, from 0.
         cores: Cores that a game which we start is pinned to; None: the system decides.
         log_path: File for what a game that we start prints.
     """
 
     address: str
     num_games: int = 1
+    number: int = 0
     cores: tuple[int, ...] | None = None
     log_path: Path | None = None
 

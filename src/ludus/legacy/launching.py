@@ -14,13 +14,14 @@ from ludus.engine import (
     GodotFlags,
     LaunchConfig,
     ensure_imported,
+    executable_command,
     godot_command,
     with_display,
 )
 from ludus.engine.process_group import CMD
 from ludus.errors import GameError, TargetError
 from ludus.session.supervision import Supervision
-from ludus.target import Scene, parse_target
+from ludus.target import Executable, Scene, parse_target
 
 __all__ = ["GameLaunch", "GameWatch"]
 
@@ -45,6 +46,8 @@ class GameLaunch:
         is_windowed: Whether a game that we start draws.
         log_path: File that gets a copy of what a game that we start prints.
         cores: Cores that a game which we start is pinned to; None: the system decides.
+        has_engine_arguments: Whether the game looks for its arguments among those of the engine,
+            before a ``--``.
     """
 
     target: str | Path | None = None
@@ -53,6 +56,7 @@ class GameLaunch:
     is_windowed: bool = False
     log_path: str | Path | None = None
     cores: tuple[int, ...] | None = None
+    has_engine_arguments: bool = False
 
     @property
     def is_ours(self) -> bool:
@@ -81,23 +85,30 @@ class GameLaunch:
         """Return the command that :meth:`start` runs; errors as there."""
         if self.target is None:
             return _end_with_us(self._shell_command(arguments))
-        scene = parse_target(self.target)
-        if not isinstance(scene, Scene):
-            raise TargetError(
-                f"{self.target} is neither a Godot project nor a scene",
-                hint="name the folder of a project or a .tscn; start anything else, such as an "
-                "exported game, with a shell command",
-            )
-        engine = scene.find_engine()
-        ensure_imported(engine, scene.project)
+        of_engine = arguments if self.has_engine_arguments else ()
         flags = GodotFlags(
             headless=not self.is_windowed,
             fixed_fps=self.frames_per_second,
-            user_args=arguments,
-            engine_args=self._drawing,
+            user_args=() if self.has_engine_arguments else arguments,
+            engine_args=(*self._drawing, *of_engine),
         )
-        command = godot_command(engine, scene.project.root, scene.path, flags)
+        command = self._engine_command(flags)
         return _end_with_us(with_display(command) if self.is_windowed else command)
+
+    def _engine_command(self, flags: GodotFlags) -> tuple[str, ...]:
+        assert self.target is not None
+        game = parse_target(self.target)
+        if isinstance(game, Executable):
+            return executable_command(game.path, flags)
+        if not isinstance(game, Scene):
+            raise TargetError(
+                f"{self.target} is neither a Godot project, nor a scene, nor an exported game",
+                hint="name the folder of a project, a .tscn or a program; start anything else "
+                "with a shell command",
+            )
+        engine = game.find_engine()
+        ensure_imported(engine, game.project)
+        return godot_command(engine, game.project.root, game.path, flags)
 
     def _shell_command(self, arguments: tuple[str, ...]) -> tuple[str, ...]:
         added = ("--fixed-fps", str(self.frames_per_second), *self._drawing, *arguments)

@@ -77,6 +77,7 @@ BRIDGES = (
         "godot_gym_api:PATH",
         "docs/godot_gym_api.md",
     ),
+    Bridge("gdrl:", "ludus.legacy.gdrl.making", "gdrl:PATH", "docs/godot_rl_agents.md"),
     Bridge("gymgodot:", "ludus.legacy.gymgodot.making", "gymgodot:PATH", "docs/gymgodot.md"),
     Bridge("http://", "ludus.legacy.bevy_rl.making", "http://HOST:PORT", "docs/bevy_rl.md"),
 )

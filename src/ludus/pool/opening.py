@@ -148,6 +148,7 @@ def _open_legacy_games(target: Legacy, config: PoolConfig) -> EnginePool:
         place = GameAddress(
             address=bridge.place_of(target.name),
             num_games=config.num_engines,
+            number=engine,
             cores=cores.plan.engines[engine],
             log_path=_log_path(config, engine),
         )

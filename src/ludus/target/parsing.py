@@ -28,7 +28,7 @@ from ludus.target.kinds import (
 __all__ = ["GYMNASIUM_PREFIX", "LEGACY_PREFIXES", "find_run", "parse_target"]
 
 GYMNASIUM_PREFIX = "gym:"
-LEGACY_PREFIXES = ("godot_gym_api:", "gymgodot:", "http://")
+LEGACY_PREFIXES = ("godot_gym_api:", "gdrl:", "gymgodot:", "http://")
 PLAY = "play"
 POLICY_FILE_SUFFIX = ".ludus.json"
 
