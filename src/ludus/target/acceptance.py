@@ -47,7 +47,7 @@ _NO_CEILING = (
 _DRAWN_BY_ITSELF = (
     "{target} is a game of a legacy bridge, which {command} can neither pace nor measure",
     "train, evaluate, check and record take it; for {command}, move the game to the add-on: "
-    "docs/gymgodot.md, docs/godot_gym_api.md, docs/bevy_rl.md",
+    "docs/godot_rl_agents.md, docs/gymgodot.md, docs/godot_gym_api.md, docs/bevy_rl.md",
 )
 
 Refusal = tuple[Collection[str], tuple[str, str]]
