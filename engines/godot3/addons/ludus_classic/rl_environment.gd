@@ -37,6 +37,8 @@ var answers_every_request: bool = ProtobufMessage != null
 ## overridden.
 var _stepping_request = null
 var _stepping_number: int = 0
+## Frames of steps until it is looked whether the client is still there.
+var _frames_to_check: int = Communication.CHECK_EVERY_FRAMES
 
 ## Physics frames for which an action is repeated; the client can set it.
 onready var repeat_action: int = DEFAULT_REPEAT_ACTION
@@ -69,7 +71,10 @@ func _ready() -> void:
 func _process(_delta: float) -> void:
 	if _stepping_request == null:
 		communication.server_poll()
-	elif Engine.get_idle_frames() % Communication.CHECK_EVERY_FRAMES == 0:
+		return
+	_frames_to_check -= 1
+	if _frames_to_check <= 0:
+		_frames_to_check = Communication.CHECK_EVERY_FRAMES
 		communication.check_client()
 
 
