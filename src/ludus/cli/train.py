@@ -17,6 +17,7 @@ from ludus.cli.bridge_flags import BridgeFlags, take_bridge_flags
 from ludus.settings.merging import Layer, merge, resolve
 from ludus.settings.policy_config import ALGORITHM_CONFIGS
 from ludus.settings.train_config import Phase, PPOConfig, SACConfig, TrainConfig
+from ludus.settings.world_parameters import Lesson, Parameter
 
 __all__ = ["COMMAND", "TrainCommand", "parse", "parse_settings", "run"]
 
@@ -70,6 +71,10 @@ class TrainCommand(_Unchecked, BridgeFlags, TrainConfig):
         tyro.conf.arg(help_behavior_hint="--policies.NAME.* sets one policy"),
     ] = field(default_factory=dict[str, Any])
     schedule: tyro.conf.Suppress[tuple[Phase, ...]] = ()
+    randomise: tyro.conf.Suppress[dict[str, Parameter]] = field(
+        default_factory=dict[str, Parameter]
+    )
+    curriculum: tyro.conf.Suppress[tuple[Lesson, ...]] = ()
     config: Path | None = None
     resume: Path | None = None
     explain: bool = False

@@ -21,6 +21,7 @@ from ludus.libraries.rendering import RENDER_MODES
 from ludus.libraries.single import LudusEnv
 from ludus.libraries.vector import LudusVectorEnv
 from ludus.pool import EnginePool, PoolConfig, open_pool
+from ludus.settings.plain import fit_parameters
 from ludus.target import EngineTarget, Gymnasium, Legacy, Target, check_accepted, parse_target
 
 __all__ = ["make", "make_registered_vec", "make_vec", "open_game", "refuse_several_worlds"]
@@ -78,6 +79,7 @@ def make_vec(
     others: Mapping[str, Player] | None = None,
     render_mode: str | None = None,
     autoreset_mode: str | AutoresetMode = "same_step",
+    randomise: Mapping[str, Any] | None = None,
     **settings: Any,
 ) -> LudusVectorEnv:
     """Start a game as a ``gymnasium.vector.VectorEnv``.
@@ -91,12 +93,16 @@ def make_vec(
         render_mode: As for :func:`make`.
         autoreset_mode: ``"same_step"``, ``"next_step"`` or ``"disabled"``: see
             :class:`ludus.LudusVectorEnv`.
+        randomise: Parameters of the worlds by name: a value, or ``{"uniform": [low, high]}``,
+            ``{"normal": [mean, deviation]}`` or ``{"choice": [value, …]}``, from which a world
+            draws when its agents begin an episode together. ``options["parameters"]`` wins.
         settings: As for :func:`make`.
 
     Raises:
         ArgumentError: An argument is unknown, or has the wrong type.
         UsageError: Several policies and none chosen, or agents of a world end one by one, which
             ``autoreset_mode`` does not allow.
+        ConfigError: A setting is out of range, or a parameter is no value and no sampler.
         TargetError: The target cannot be run.
         EngineNotFound: There is no engine to run it with.
         EngineError: An engine did not start.
@@ -111,10 +117,14 @@ def make_vec(
             "others": others,
             "render_mode": render_mode,
             "autoreset_mode": mode.name.lower(),
+            "randomise": randomise,
             **settings,
         },
     )
+    parameters = fit_parameters(randomise or {})
     pool, obstacle = open_game("make_vec", target, settings, render_mode)
+    if parameters:
+        pool.randomise(parameters)
     return _made(
         recipe,
         pool,

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ludus.curriculum.world_parameters import Sums, WorldParameters
 from ludus.engine import CorePlan, ReservedCores
 from ludus.errors import (
     EngineCrashed,
@@ -23,6 +24,7 @@ from ludus.errors import (
     UsageError,
 )
 from ludus.session import Session
+from ludus.settings.world_parameters import Parameter
 from ludus.spec import PolicySpec, Spec, spec_difference
 from ludus.spec.batch import ActionBatch, Batch, Batches, StepTimes
 from ludus.wire.requests import MetricSummary, add_metrics
@@ -70,6 +72,7 @@ class EnginePool:
         self._spec = self._sessions[0].spec
         for engine in range(num_engines):
             self._check_spec(engine)
+        self.world_parameters: WorldParameters | None = None
         self._parameters: list[Mapping[str, Any] | None] = [None] * self.num_worlds
         self._policies = {policy.name: policy for policy in self._spec.policies}
         self._unmasked: set[str] = set()
@@ -146,9 +149,11 @@ class EnginePool:
             request: One seed and one action per world, counted over all engines.
         """
         self._check_size(request)
+        if self.world_parameters is not None:
+            request = self.world_parameters.complete(request)
         self._remember_parameters(request)
         for engine in range(self.num_engines):
-            self._last[engine] = self._reset_engine(engine, self._part(request, engine))
+            self._keep_last(engine, self._reset_engine(engine, self._part(request, engine)))
             self._is_in_flight[engine] = False
         return self._joined()
 
@@ -177,14 +182,15 @@ class EnginePool:
         if not self._is_lost[engine]:
             try:
                 batches = self._visible(self._sessions[engine].receive())
-                self._last[engine] = batches
+                batches = self._draw_beginnings(engine, batches)
+                self._keep_last(engine, batches)
                 return batches
             except _RESTARTABLE as error:
                 self._note_loss(engine, error)
         batches = {
             name: _truncated(batch, *before[name]) for name, batch in self._revive(engine).items()
         }
-        self._last[engine] = batches
+        self._keep_last(engine, batches)
         return batches
 
     def step(
@@ -250,6 +256,14 @@ class EnginePool:
                 self._note_loss(engine, error)
         return taken
 
+    def randomise(self, parameters: Mapping[str, Parameter]) -> None:
+        """Draw parameters for worlds; see :meth:`ludus.pool.Pool.randomise`."""
+        self.world_parameters = WorldParameters(parameters, self._spec, self.num_engines)
+
+    def take_draws(self) -> Sums:
+        """Return what was drawn for worlds; see :meth:`ludus.pool.Pool.take_draws`."""
+        return {} if self.world_parameters is None else self.world_parameters.take_sums()
+
     def show_status(self, status: Mapping[str, Any]) -> None:
         """Tell the games how training goes; see :meth:`ludus.pool.Pool.show_status`."""
         self._check_idle("show_status")
@@ -292,10 +306,42 @@ class EnginePool:
             # The next step finds the engine lost, and reports all of its episodes as truncated.
             self._note_loss(engine, error)
             return
-        self._last[engine] = fresh
+        self._keep_last(engine, fresh)
         for name, policy in self._policies.items():
             rows = np.repeat(own, policy.agents_per_world)
             _copy_state(fresh[name], batches[name], rows, self.rows(name, engine))
+
+    def _keep_last(self, engine: int, batches: Batches) -> None:
+        self._last[engine] = batches
+        if self.world_parameters is not None:
+            self.world_parameters.note(engine, batches)
+
+    def _draw_beginnings(self, engine: int, batches: Batches) -> Batches:
+        """Begin the episodes that begin in a step once more, with parameters drawn for them."""
+        if self.world_parameters is None:
+            return batches
+        worlds = self._worlds(engine)
+        begun = self.world_parameters.find_beginnings(engine, batches)
+        request = self.world_parameters.request_beginnings(begun, worlds.start)
+        if request is None:
+            return batches
+        self._remember_parameters(request, worlds.start)
+        kept = {name: _copied(batch) for name, batch in batches.items()}
+        try:
+            fresh = self._visible(self._sessions[engine].reset(request))
+        except _RESTARTABLE as error:
+            # The next step finds the engine lost, and reports all of its episodes as truncated.
+            self._note_loss(engine, error)
+            return kept
+        return {
+            name: replace(
+                kept[name],
+                observation=batch.observation,
+                active=batch.active,
+                action_mask=batch.action_mask,
+            )
+            for name, batch in fresh.items()
+        }
 
     def _drop_outcomes(self, still: NDArray[np.bool_], batches: Batches) -> None:
         for name, policy in self._policies.items():
@@ -356,12 +402,12 @@ class EnginePool:
         if given is not None and not isinstance(given, Mapping) and len(given) != num:
             raise UsageError(f"parameters for {len(given)} worlds, the pool has {num}")
 
-    def _remember_parameters(self, request: ResetRequest) -> None:
+    def _remember_parameters(self, request: ResetRequest, first_world: int = 0) -> None:
         for i, action in enumerate(request.actions):
             given = request.parameters
             own = given if given is None or isinstance(given, Mapping) else given[i]
             if own is not None and action != ResetAction.LEAVE:
-                self._parameters[i] = own
+                self._parameters[first_world + i] = own
 
     def _reset_engine(self, engine: int, request: ResetRequest) -> Batches:
         if not self._is_lost[engine]:
@@ -460,6 +506,19 @@ def join_batches(parts: list[Batch], policy: PolicySpec) -> Batch:
             e.name: _stacked([part.final_observation[e.name] for part in parts])
             for e in policy.observation
         },
+    )
+
+
+def _copied(batch: Batch) -> Batch:
+    return Batch(
+        observation={name: array.copy() for name, array in batch.observation.items()},
+        reward=batch.reward.copy(),
+        terminated=batch.terminated.copy(),
+        truncated=batch.truncated.copy(),
+        active=batch.active.copy(),
+        action_mask=None if batch.action_mask is None else batch.action_mask.copy(),
+        final_index=batch.final_index.copy(),
+        final_observation={name: array.copy() for name, array in batch.final_observation.items()},
     )
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
+from ludus.curriculum.world_parameters import Sums
+from ludus.settings.world_parameters import Parameter
 from ludus.spec import PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batches, StepTimes
 from ludus.wire.requests import MetricSummary
@@ -134,6 +136,18 @@ class Pool(Protocol):
             SequenceError: An answer was not received yet.
             EngineError: An engine failed and may not be restarted again.
         """
+        ...
+
+    def randomise(self, parameters: Mapping[str, Parameter]) -> None:
+        """Draw parameters for worlds whose episodes begin; call :meth:`reset` next.
+
+        Args:
+            parameters: By name: a value, or how it is drawn.
+        """
+        ...
+
+    def take_draws(self) -> Sums:
+        """Return count and sum of each number that was drawn for worlds since the last time."""
         ...
 
     @property

@@ -1,7 +1,8 @@
 """What is measured while training: one JSON object per update, and the same for TensorBoard.
 
 :data:`METRICS` documents every one. In ``metrics.jsonl`` those of a policy stand under
-``policies.<name>``, and what the game reports under ``game.<name>``; TensorBoard and the trackers
+``policies.<name>``, what the game reports under ``game.<name>``, and means of drawn parameters of
+worlds under ``parameters``; TensorBoard and the trackers
 of :mod:`ludus.runs.tracking` call them ``<name>/<metric>`` and ``game/<name>/<metric>``.
 """
 
@@ -41,6 +42,7 @@ METRICS: dict[str, str] = {
     "record_share": "Share of that time spent recording outcomes.",
     "update_share": "Share of that time spent learning, between steps or while engines simulated.",
     "restarts": "Engines restarted so far, after a crash or a missed deadline.",
+    "lesson": "Number of the lesson, from 1; always 1 without a curriculum.",
 }
 """Metrics of a run."""
 
@@ -107,6 +109,7 @@ class MetricsLog:
         metrics: Mapping[str, float],
         policies: Mapping[str, Mapping[str, float]],
         game: Mapping[str, Mapping[str, float]] | None = None,
+        parameters: Mapping[str, float] | None = None,
     ) -> None:
         """Write one update's metrics; ``metrics["agent_steps"]`` is the x axis.
 
@@ -114,8 +117,10 @@ class MetricsLog:
             metrics: Of the run.
             policies: Of each policy.
             game: Of each name that the game has reported.
+            parameters: Mean of each parameter of worlds that was drawn.
         """
         values = {**metrics, "policies": policies} | ({"game": game} if game else {})
+        values |= {"parameters": parameters} if parameters else {}
         line = json.dumps(values) + "\n"
         with disk_errors(str(self._path)):
             self._lines.write(line.encode())
@@ -125,6 +130,7 @@ class MetricsLog:
             scalars |= {f"{policy}/{name}": value for name, value in values.items()}
         for name, own in (game or {}).items():
             scalars |= {f"game/{name}/{key}": value for key, value in own.items()}
+        scalars |= {f"parameters/{name}": value for name, value in (parameters or {}).items()}
         step = int(metrics["agent_steps"])
         self._events.write(step, scalars)
         for tracker in self._trackers:

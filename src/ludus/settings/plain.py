@@ -19,12 +19,14 @@ from ludus.errors import ConfigError, did_you_mean
 from ludus.settings.checks import Settings
 from ludus.settings.policy_config import ALGORITHM_CONFIGS, PolicyConfig, PPOConfig, SACConfig
 from ludus.settings.train_config import TrainConfig
+from ludus.settings.world_parameters import Parameter, check_parameters
 
 __all__ = [
     "MARK",
     "ORIGINS",
     "as_mapping",
     "changed_settings",
+    "fit_parameters",
     "foreign_error",
     "foreign_settings",
     "merge_settings",
@@ -81,6 +83,17 @@ def merge_settings(config: Struct, values: Mapping[str, Any], where: str) -> Str
         return dataclasses.replace(config, **changes)
     except ConfigError as error:
         raise ConfigError(f"{where}: {error.message}", error.hint) from None
+
+
+def fit_parameters(values: Mapping[str, Any], where: str = "randomise") -> dict[str, Parameter]:
+    """Return parameters of worlds from plain values.
+
+    Raises:
+        ConfigError: A value is none that a parameter can have, or no sampler.
+    """
+    fitted: dict[str, Parameter] = _fit(_plain(values), dict[str, Parameter], where)
+    check_parameters(where, fitted)
+    return fitted
 
 
 def saved_policy(values: Mapping[str, Any], where: str) -> PolicyConfig:
@@ -234,7 +247,9 @@ def _fit_one(value: Any, hint: Any, where: str) -> Any:  # noqa: PLR0911 - a tab
         entries = as_mapping(value, where.rpartition(" ")[2], where)
         return {name: _fit(item, part, f"{where}.{name}") for name, item in entries.items()}
     if dataclasses.is_dataclass(hint):
-        return merge_settings(cast(Any, hint)(), as_mapping(value, "it", where), where)
+        if not isinstance(value, Mapping):
+            return _MISMATCH
+        return merge_settings(cast(Any, hint)(), cast(Mapping[str, Any], value), where)
     if hint is Path:
         return Path(value) if isinstance(value, str | Path) and str(value) else _MISMATCH
     if hint in {bool, str}:
@@ -254,7 +269,8 @@ def _describe(hint: Any) -> str:
         return " or ".join(repr(option) for option in typing.get_args(hint))
     names = {"int": "a whole number", "float": "a number", "bool": "true or false",
              "str": "a text", "Path": "a path", "NoneType": "none",
-             "Phase": "a table with updates and modes"}  # fmt: skip
+             "Phase": "a table with updates and modes", "Lesson": "a table with parameters",
+             "Sampler": "a table with uniform, normal or choice"}  # fmt: skip
     if typing.get_origin(hint) in {types.UnionType, typing.Union}:
         return " or ".join(_describe(option) for option in typing.get_args(hint))
     if typing.get_origin(hint) is tuple:

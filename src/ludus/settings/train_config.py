@@ -24,6 +24,7 @@ from ludus.settings.checks import (
 )
 from ludus.settings.policy_config import Mode, PolicyConfig, PPOConfig, SACConfig
 from ludus.settings.pool_config import DEFAULT_RESTARTS, GameConfig
+from ludus.settings.world_parameters import Lesson, Parameter, check_lessons, check_parameters
 
 __all__ = ["CHANGEABLE", "LeagueConfig", "PPOConfig", "Phase", "PolicyConfig", "SACConfig", "Sink",
            "TrainConfig"]  # fmt: skip
@@ -129,6 +130,9 @@ class TrainConfig(GameConfig):
             act frozen; if not given, all learn at once.
         schedule: Phases of modes, repeated in order; a table of a settings file.
         league: Self-play against past selves.
+        randomise: Parameters of the worlds, by name: a value, or how it is drawn for each episode;
+            a table of a settings file.
+        curriculum: Lessons with parameters of their own, in order; tables of a settings file.
     """
 
     target: str = field(default="", kw_only=False)
@@ -162,9 +166,13 @@ class TrainConfig(GameConfig):
     alternate_every: int | None = setting(None, optional(AT_LEAST_1))
     schedule: tuple[Phase, ...] = ()
     league: LeagueConfig = field(default_factory=LeagueConfig)
+    randomise: dict[str, Parameter] = field(default_factory=dict[str, Parameter])
+    curriculum: tuple[Lesson, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        check_parameters("randomise", self.randomise)
+        check_lessons(self.curriculum)
         require(self.alternate_every is None or not self.schedule, "alternate_every",
                 "none beside a schedule", self.alternate_every)  # fmt: skip
         if self.exact_resume and (

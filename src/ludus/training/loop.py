@@ -169,6 +169,7 @@ def _train_in(
     evaluation: dict[str, Evaluation] = {}
     if stop_reason != "interrupted" and config.evaluation_episodes:
         reporter.evaluating(config.evaluation_episodes)
+        trainer.finish_lessons()
         evaluation = _evaluate(learners, pool, config, folder)
         write_result(trainer, folder, stop_reason, evaluation)
     return _result(trainer, folder, stop_reason, signum=interrupts.signum, evaluation=evaluation)
@@ -336,7 +337,12 @@ def _pool_for(
     config: TrainConfig, pool: Pool | None, folder: RunFolder
 ) -> Generator[Pool, None, None]:
     if pool is not None:
-        yield pool
+        before = pool.world_parameters if isinstance(pool, EnginePool) else None
+        try:
+            yield pool
+        finally:
+            if isinstance(pool, EnginePool):
+                pool.world_parameters = before
         return
     if config.cluster is not None:
         opened = open_machines(config, folder.engine_logs)

@@ -16,6 +16,7 @@ from ludus.algorithms.learner import Learner
 from ludus.algorithms.learners import policy_seed
 from ludus.algorithms.ppo import PPO
 from ludus.algorithms.sac import SAC
+from ludus.curriculum.lessons import Lessons
 from ludus.errors import DivergenceError, RunError
 from ludus.league.league import League
 from ludus.league.policy_slot import PolicySlot, frozen_seed
@@ -95,6 +96,8 @@ class Trainer:
         self._slots = {name: self._make_slot(learner) for name, learner in learners.items()}
         self._workers = self._make_workers()
         self._schedule = ModeSchedule(config)
+        self._lessons = Lessons(config.curriculum, config.randomise)
+        self._teach()
         self._store = folder.checkpoints(config.keep_checkpoints)
         self._steps_per_s = 0.0
         self._saved_at_s, self._saved_at_update = 0.0, 0
@@ -150,6 +153,9 @@ class Trainer:
             self._slots[name].load_state(checkpoint.run["seats"][name])
         if self._league is not None and "league" in checkpoint.run:
             self._league.load_state(checkpoint.league, checkpoint.run["league"])
+        if "lessons" in checkpoint.run:  # older checkpoints have none
+            self._lessons.load_state(checkpoint.run["lessons"])
+            self._teach()
         before = checkpoint.config["policies"]
         for name, settings in self.config.policies.items():
             if settings.mode != before[name]["mode"]:  # otherwise the mode that it was in stays
@@ -237,16 +243,19 @@ class Trainer:
                 "steps_per_s": speed,
                 **shares,
                 "restarts": self._pool.num_restarts,
+                "lesson": self._lessons.index + 1,
             }
             game = {name: of.to_json() for name, of in self._pool.take_metrics().items()}
-            metrics.write(run_metrics, policies, game)
+            metrics.write(run_metrics, policies, game, self._take_parameters())
             self.progress = self._progress(speed, policies)
             reporter.updated(self.progress)
             self._advance()
+            is_resetting = self._advance_lesson()
             if self._is_time_to_save():
                 self.save()
-                if self.config.exact_resume:
-                    self._reset()
+                is_resetting |= self.config.exact_resume
+            if is_resetting:
+                self._reset()
             self._keep()
             if callback.call():
                 return "stopped"
@@ -297,6 +306,36 @@ class Trainer:
             self._league.advance(self.updates)
         self._workers.advance(self.updates)
 
+    def _advance_lesson(self) -> bool:
+        """Begin the next lesson if it is time; return whether it has begun."""
+        window = self.config.return_window
+        returns = [
+            float(np.mean(tracker.returns)) if len(tracker.returns) == window else None
+            for tracker in self._trackers.values()
+        ]
+        if not self._lessons.advance(self.agent_steps, returns):
+            return False
+        for tracker in self._trackers.values():  # returns of different lessons do not compare
+            tracker.returns.clear()
+            tracker.lengths.clear()
+        self._teach()
+        return True
+
+    def finish_lessons(self) -> None:
+        """Give the worlds the parameters of the last lesson, from the next reset on."""
+        self._lessons.finish()
+        self._teach()
+
+    def _teach(self) -> None:
+        """Give the worlds the parameters of the lesson, from the next reset on."""
+        if self._lessons.has_parameters:
+            self._pool.randomise(self._lessons.parameters)
+
+    def _take_parameters(self) -> dict[str, float]:
+        """Return the mean of each number that was drawn since the last update."""
+        drawn = self._pool.take_draws() if self._lessons.has_parameters else {}
+        return {name: total / count for name, (count, total) in drawn.items()}
+
     def set_mode(self, policy: str, mode: Mode) -> None:
         """Put a policy into another mode; never while engines are in a step.
 
@@ -336,7 +375,7 @@ class Trainer:
             return "total_steps"
         if config.max_time_s is not None and self.wall_s >= config.max_time_s:
             return "max_time"
-        if config.target_return is None:
+        if config.target_return is None or not self._lessons.is_last:
             return None
         is_there = all(
             len(tracker.returns) == config.return_window
@@ -427,13 +466,15 @@ class Trainer:
         return DivergenceError(error.message, f"{error.hint}; {saved}")
 
     def _checkpoint(self) -> Checkpoint:
-        returns = self.mean_returns().values()
+        # In other lessons, returns do not tell which policy is the best at the whole task.
+        returns = self.mean_returns().values() if self._lessons.is_last else ()
         run: dict[str, Any] = {
             "updates": self.updates,
             "wall_s": self.wall_s,
             "episodes": {name: tracker.state() for name, tracker in self._trackers.items()},
             "seats": {name: slot.state() for name, slot in self._slots.items()},
             "random": random_state(),
+            "lessons": self._lessons.state(),
         }
         league: dict[str, Tensor] = {}
         if self._league is not None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from ludus.algorithms.learner import Learner
 from ludus.algorithms.recorder import Recording, SharedLearner, Weights, pack_weights
+from ludus.curriculum.world_parameters import Sums, add_sums
 from ludus.errors import ConfigError, MachineLost, ProtocolError, SequenceError, UsageError
 from ludus.league.policy_slot import PolicySlot
 from ludus.networks.policy import Policy
@@ -22,6 +23,7 @@ from ludus.play.episodes import EpisodeTracker
 from ludus.pool.engine_pool import join_batches
 from ludus.settings.policy_config import Mode
 from ludus.settings.train_config import TrainConfig
+from ludus.settings.world_parameters import Parameter
 from ludus.spec import PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batches, StepTimes
 from ludus.wire.requests import MetricSummary, add_metrics
@@ -68,6 +70,7 @@ class RemotePool:
         self._start = start
         self._config = config
         self._num_losses = 0
+        self._parameters: Mapping[str, Parameter] = {}
         self._spec = specs[0]
         self._num_engines = config.num_engines
         self._policies = {policy.name: policy for policy in self._spec.policies}
@@ -164,6 +167,9 @@ class RemotePool:
         self._check_spec(machine, machine.receive())
         machine.send("prepare", self._config)
         machine.receive()
+        if self._parameters:
+            machine.send("randomise", self._parameters)
+            machine.receive()
         del self.lost[index]
 
     def reset(self, seed: int | None = None, parameters: Parameters = None) -> Batches:
@@ -196,6 +202,18 @@ class RemotePool:
     def times(self, engine: int) -> StepTimes:
         """Return zeros: workers keep their times to themselves."""
         return StepTimes(0, 0, 0, 0)
+
+    def randomise(self, parameters: Mapping[str, Parameter]) -> None:
+        """Draw parameters for worlds; see :meth:`ludus.pool.Pool.randomise`."""
+        self._parameters = parameters
+        self.call_all("randomise", parameters)
+
+    def take_draws(self) -> Sums:
+        """Return what was drawn for worlds; see :meth:`ludus.pool.Pool.take_draws`."""
+        taken: Sums = {}
+        for drawn in self.call_all("take_draws"):
+            taken = add_sums(taken, drawn)
+        return taken
 
     def take_requests(self) -> list[dict[str, Any]]:
         """Fetch what the games ask of the trainer; see :meth:`ludus.pool.Pool.take_requests`."""

@@ -18,12 +18,14 @@ from ludus.algorithms.learner import LearnerSettings
 from ludus.algorithms.learners import policy_seed
 from ludus.algorithms.ppo_recorder import PPORecorder
 from ludus.algorithms.recorder import Recorder, unpack_weights
+from ludus.curriculum.world_parameters import Sums
 from ludus.league.policy_slot import PolicySlot, frozen_seed
 from ludus.networks.policy import Policy
 from ludus.play.episodes import EndedEpisodes, EpisodeTracker
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.settings.policy_config import PPOConfig
 from ludus.settings.train_config import TrainConfig
+from ludus.settings.world_parameters import Parameter
 from ludus.spec import Spec
 from ludus.spec.batch import ActionBatch, Batch, Batches
 from ludus.target import check_accepted, parse_target
@@ -153,6 +155,14 @@ class Worker:
     def step(self, actions: Mapping[str, ActionBatch]) -> Batches:
         """Step all engines; returns copies."""
         return self._pool.step(actions)
+
+    def randomise(self, parameters: Mapping[str, Parameter]) -> None:
+        """Draw parameters for worlds."""
+        self._pool.randomise(parameters)
+
+    def take_draws(self) -> Sums:
+        """Return what was drawn for worlds."""
+        return self._pool.take_draws()
 
     def take_requests(self) -> list[dict[str, Any]]:
         """Fetch what the games ask of the trainer."""

@@ -1,0 +1,1 @@
+"""Parameters of worlds that change while agents train: draws and lessons."""
