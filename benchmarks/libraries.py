@@ -125,6 +125,12 @@ def rllib() -> None:
 
         return turn
 
+    # Each of the worlds of RLlib's own runner is an engine of its own.
+    compare(
+        "ball_chase",
+        ("LudusEnvRunner with 8 worlds", runner(LudusEnvRunner, 8, 32)),
+        ("MultiAgentEnvRunner with 8", runner(MultiAgentEnvRunner, 8, 32)),
+    )
     compare(
         "ball_chase",
         ("LudusEnvRunner with 32 worlds", runner(LudusEnvRunner, 32, 32)),
