@@ -93,3 +93,18 @@ def test_scripts_made_of_the_templates_are_valid(tmp_path: Path) -> None:
             check=False,
         )  # fmt: skip
         assert "ERROR" not in done.stderr, f"{template}: {done.stderr}"
+
+
+@pytest.mark.engine
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_new_project_is_played_by_hand(kind: str, tmp_path: Path) -> None:
+    game = tmp_path / "game"
+    assert main(["new", str(game), f"--{kind}"]) == 0
+    command = [str(find_engine(EngineKind.GODOT4).executable(headless=True)), "--headless"]
+    command += ["--path", str(game)]
+    subprocess.run([*command, "--import"], capture_output=True, check=True, timeout=120)
+    done = subprocess.run(
+        [*command, "--fixed-fps", "60", "--quit-after", "30"], capture_output=True, text=True,
+        timeout=60, check=False,
+    )  # fmt: skip
+    assert "ERROR" not in done.stdout + done.stderr, done.stdout + done.stderr

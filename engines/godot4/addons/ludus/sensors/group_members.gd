@@ -12,7 +12,7 @@ static func of(world: LudusWorld, group: StringName) -> Array[Node]:
 		_tick = tick
 		_members.clear()
 	if not _members.has(group):
-		_members[group] = _sort(world.get_tree().get_nodes_in_group(group))
+		_members[group] = _sort(world.root.get_tree().get_nodes_in_group(group))
 	var found: Array[Node] = []
 	found.assign(_members[group].get(world, []))
 	return found.filter(_is_there)

@@ -101,7 +101,11 @@ static func _adopt(node: Node) -> LudusWorld:
 	var world := find_in(scene_root)
 	if world == null:
 		world = LudusWorld.new()
-		scene_root.add_child(world, false, Node.INTERNAL_MODE_BACK)
+		var add := scene_root.add_child.bind(world, false, Node.INTERNAL_MODE_BACK)
+		if scene_root.is_node_ready():
+			add.call()
+		else:  # a node below asks in its own _ready(), when its parents take no children
+			add.call_deferred()
 	world.attach(scene_root)
 	world.set_seed(randi())
 	world.begin_episode()

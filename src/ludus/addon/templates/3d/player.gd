@@ -1,15 +1,18 @@
 extends CharacterBody3D
-## Collects coins. What it sees, its sensors say; this script says what it does and what that is worth.
+## Collects coins. What it sees, its sensors say; this script says what it does and what counts.
 
 ## Metres per second.
 const SPEED := 5.0
 ## A coin is collected from this far, metres.
 const REACH := 0.8
+## Reward for coming nearer to the nearest coin, per metre.
+const PROGRESS := 0.4
 ## Half the size of the room, less a margin.
 const ROOM := Vector2(7.0, 7.0)
 
 var _move := Vector3.ZERO
 var _reward: float = 0.0
+var _nearest: float = INF
 
 @onready var _world := LudusWorld.of(self)
 @onready var _coins := $"../Coins".get_children()
@@ -18,10 +21,18 @@ var _reward: float = 0.0
 func _physics_process(_delta: float) -> void:
 	velocity = _move * SPEED
 	move_and_slide()
+	var nearest := INF
 	for coin: Node3D in _coins:
-		if coin.position.distance_to(position) < REACH:
+		var distance := coin.position.distance_to(position)
+		nearest = minf(nearest, distance)
+		if distance < REACH:
 			coin.position = _random_place()
 			_reward += 1.0
+			nearest = INF
+			break
+	if is_finite(nearest) and is_finite(_nearest):
+		_reward += (_nearest - nearest) * PROGRESS
+	_nearest = nearest
 
 
 ## The agent has decided: two numbers from -1 to 1. A step begins.
@@ -46,6 +57,7 @@ func reset() -> void:
 	velocity = Vector3.ZERO
 	_move = Vector3.ZERO
 	_reward = 0.0
+	_nearest = INF
 	for coin: Node3D in _coins:
 		coin.position = _random_place()
 
