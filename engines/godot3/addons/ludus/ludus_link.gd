@@ -18,12 +18,12 @@ const FRAME_TIMEOUT_MS := 30000
 const SILENCE := "the trainer was silent for too long"
 ## Between one look and the next it takes so long only if the core was taken away meanwhile.
 const AWAY_US := 1000
-## So many lost looks within [constant LOST_WITHIN_US] mean nothing: updates, other work.
-const MAX_LOST := 5
-const LOST_WITHIN_US := 100000
+## So many misses within [constant MISSES_WITHIN_US] mean nothing: updates, other work.
+const MAX_MISSES := 5
+const MISSES_WITHIN_US := 100000
 ## How long nobody looks then; twice as long each time that the core is soon lost again.
-const FIRST_RESPITE_US := 100000
-const LONGEST_RESPITE_US := 1000000
+const FIRST_BACKOFF_US := 100000
+const LONGEST_BACKOFF_US := 1000000
 const UNIX_PREFIX := "unix:"
 
 ## Type of the frame that [method receive] read.
@@ -51,10 +51,10 @@ var _num_bytes: int = 0
 var _watch: Thread
 var _mutex := Mutex.new()
 var _deadline_ms: int = 0
-var _respite_us: int = 0
-var _respite_until_us: int = 0
-var _lost_since_us: int = 0
-var _num_lost: int = 0
+var _backoff_us: int = 0
+var _backoff_until_us: int = 0
+var _missing_since_us: int = 0
+var _num_misses: int = 0
 var _is_closing: bool = false
 var _parent_path: String = ""
 
@@ -201,7 +201,7 @@ func _take_header(header: PoolByteArray) -> bool:
 
 func _spin() -> void:
 	var now := OS.get_ticks_usec()
-	if spin_us == 0 or now < _respite_until_us:
+	if spin_us == 0 or now < _backoff_until_us:
 		return
 	var end := now + spin_us
 	var was_away := false
@@ -214,21 +214,21 @@ func _spin() -> void:
 		if now - before > AWAY_US:
 			was_away = true
 	if was_away or now >= end:
-		_note_lost(now)
+		_record_miss(now)
 
 
 ## Leaves the core alone for a while if looks often find nothing, or lose the core meanwhile:
 ## somebody else needs it, perhaps the very process that is waited for.
-func _note_lost(now: int) -> void:
-	if now - _lost_since_us > LOST_WITHIN_US:
-		_lost_since_us = now
-		_num_lost = 0
-	_num_lost += 1
-	if _num_lost > MAX_LOST:
-		var is_soon := now - _respite_until_us < LONGEST_RESPITE_US
-		var longer := 2 * _respite_us if is_soon else 0
-		_respite_us = int(clamp(longer, FIRST_RESPITE_US, LONGEST_RESPITE_US))
-		_respite_until_us = now + _respite_us
+func _record_miss(now: int) -> void:
+	if now - _missing_since_us > MISSES_WITHIN_US:
+		_missing_since_us = now
+		_num_misses = 0
+	_num_misses += 1
+	if _num_misses > MAX_MISSES:
+		var is_soon := now - _backoff_until_us < LONGEST_BACKOFF_US
+		var longer := 2 * _backoff_us if is_soon else 0
+		_backoff_us = int(clamp(longer, FIRST_BACKOFF_US, LONGEST_BACKOFF_US))
+		_backoff_until_us = now + _backoff_us
 
 
 ## Reads a header, for which the trainer has all its time until it begins.

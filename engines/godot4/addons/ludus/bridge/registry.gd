@@ -1,5 +1,5 @@
 extends RefCounted
-## What of Ludus there is in this process: the static state of the add-on.
+## What of Ludus there is in this process: the bridge, its pace, and the agents.
 
 ## The autoload; null as long as it is not in the tree.
 static var bridge: LudusBridge
