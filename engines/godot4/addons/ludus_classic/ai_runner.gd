@@ -274,10 +274,10 @@ func _ask_for_modes(map: Dictionary, policies: Dictionary) -> void:
 			training.set_policy_mode(agent_name, wanted)
 
 
-static func _mode(map: Dictionary, agent_name: String) -> LudusPolicySettings.Mode:
+static func _mode(map: Dictionary, agent_name: String) -> LudusBridge.PolicyMode:
 	if map.get(agent_name, false):
-		return LudusPolicySettings.Mode.DETERMINISTIC
-	return LudusPolicySettings.Mode.TRAIN
+		return LudusBridge.PolicyMode.DETERMINISTIC
+	return LudusBridge.PolicyMode.TRAIN
 
 
 ## Shows the first simulations, always in the same order, unless one of them is about to begin.
