@@ -7,6 +7,7 @@
 # make campaign    random faults against training runs, for MINUTES (1) from SEED (0)
 # make lint        formatters, linters and the type checker of every language
 # make docs        the documentation site, in build/docs; make docs-serve shows it in a browser
+# make web         the trained cart-pole for the site's front page, in build/web; needs Cargo and its target for the web
 # make addon-zip   the add-on for the Asset Library, one zip for each version of Godot, in build/
 # make bench       the table of docs/benchmarks.md
 # make compare     the tables of docs/compare.md: brings other projects into PEERS (../ludus-peers), measures in turns
@@ -38,7 +39,7 @@ ifneq ($(RUSTUP),)
 export RUSTUP_HOME ?= $(RUSTUP)
 endif
 
-.PHONY: setup demo test test-libraries test-fast campaign test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples addon-zip bench compare clean
+.PHONY: setup demo test test-libraries test-fast campaign test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples addon-zip web bench compare clean
 .DELETE_ON_ERROR:
 
 setup: .venv/.ready
@@ -178,6 +179,18 @@ docs: setup .venv/.docs-ready
 	@rm -rf build/docs
 	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet --builder html docs build/docs
 	@echo "build/docs/index.html"
+
+# The tool writes JavaScript for one version of its crate only: the one in the lock file.
+BINDGEN_VERSION = $(shell grep -A1 'name = "wasm-bindgen"' $(BEVY_PROJECT)/Cargo.lock | sed -n 's/version = "\(.*\)"/\1/p')
+BINDGEN := $(CARGO_TARGET_DIR)/wasm-bindgen
+web: cargo
+	@test -d "$$(rustc --print target-libdir --target $(WEB))" || { echo "run \`rustup target add $(WEB)\` first"; exit 1; }
+	@$(BINDGEN)/bin/wasm-bindgen --version 2> /dev/null | grep -qF $(BINDGEN_VERSION) || \
+		cargo install --quiet --root $(BINDGEN) --version $(BINDGEN_VERSION) wasm-bindgen-cli
+	cd $(BEVY_PROJECT) && cargo build --release --locked --package web_cartpole --target $(WEB)
+	$(BINDGEN)/bin/wasm-bindgen --target web --no-typescript --out-dir build/web \
+		$(CARGO_TARGET_DIR)/$(WEB)/release/web_cartpole.wasm
+	cp $(BEVY_PROJECT)/web/index.html build/web
 
 docs-serve: docs
 	$(BIN)/python -m http.server --bind 127.0.0.1 --directory build/docs 8000

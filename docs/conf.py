@@ -47,6 +47,14 @@ autodoc_mock_imports = ["pettingzoo", "ray", "stable_baselines3"]
 RUSTDOC = Path(os.environ.get("CARGO_TARGET_DIR", HERE.parent / "engines/bevy/target")) / "doc"
 RUST_CRATES = ("bevy_ludus", "bevy_ludus_rest")
 
+# What `make web` writes: a trained agent that plays in the browser, in place of the film of one.
+WEB_GAME = HERE.parent / "build" / "web"
+PLAYABLE = """\
+<iframe src="play/index.html" class="play" title="A trained agent balances a pole"></iframe>
+
+*The agent plays in your browser: the Bevy example, compiled to WebAssembly with its policy.*
+"""
+
 OUTSIDE = {
     "protocol": "protocol/PROTOCOL.md",
     "policy_files": "protocol/POLICY.md",
@@ -86,6 +94,8 @@ def _read_page(_app: Sphinx, page: str, source: list[str]) -> None:
         source[0] += "\nThis site holds it, too: " + " and ".join(
             f'<a href="../rust/{crate}/index.html">{crate}</a>' for crate in RUST_CRATES
         )
+    if page == "index" and WEB_GAME.exists():
+        source[0] = re.sub(r"^!\[.*\n", PLAYABLE, source[0], count=1, flags=re.MULTILINE)
     if page == "index":
         source[0] += _navigation(source[0])
 
@@ -122,6 +132,11 @@ def _add_rustdoc(app: Sphinx, error: Exception | None) -> None:
             shutil.copytree(RUSTDOC / part, Path(app.outdir) / "rust" / part, dirs_exist_ok=True)
 
 
+def _add_web_game(app: Sphinx, error: Exception | None) -> None:
+    if error is None and WEB_GAME.exists():
+        shutil.copytree(WEB_GAME, Path(app.outdir) / "play", dirs_exist_ok=True)
+
+
 def _check_links(app: Sphinx, error: Exception | None) -> None:
     if error is None and app.builder.format == "html":
         for link in broken_links(Path(app.outdir)):
@@ -133,4 +148,5 @@ def setup(app: Sphinx) -> None:
     app.connect("builder-inited", _generate)
     app.connect("source-read", _read_page)
     app.connect("build-finished", _add_rustdoc)
+    app.connect("build-finished", _add_web_game)
     app.connect("build-finished", _check_links)

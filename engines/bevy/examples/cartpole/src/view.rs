@@ -1,6 +1,6 @@
 //! How cart and pole look, for films. Nothing is lit, so that pictures are quick to draw in software.
 
-use crate::TRACK_HALF_LENGTH;
+use crate::game::TRACK_HALF_LENGTH;
 use crate::motion::Cart;
 use bevy_app::prelude::*;
 use bevy_asset::Assets;
