@@ -127,8 +127,17 @@ $(LIBRARIES)/.ready: pyproject.toml Makefile .venv/.ready
 		--editable '.[export,record,sb3,pettingzoo,rllib,torchrl,sweep,track,minari]'
 	for version in $(GYMNASIUM_VERSIONS); do $(UV_PIP) --python $(LIBRARIES)/$$version/bin/python $(PYTEST_PACKAGES) \
 		"gymnasium==$$version" psutil --editable '.[engine]' || exit 1; done
+	@$(MAKE) --no-print-directory $(LIBRARIES)/cleanrl/ppo.py $(LIBRARIES)/cleanrl/ppo_continuous_action.py || \
+		echo "left out: CleanRL's scripts, which GitHub did not send"
 	@$(LIBRARIES)/all/bin/python -c 'import stable_baselines3, sb3_contrib, pettingzoo, ray, torchrl, optuna, wandb, minari'
 	@touch $@
+
+# Other people's scripts, which docs/libraries/cleanrl.md changes; a test checks their SHA-256.
+CLEANRL := https://raw.githubusercontent.com/vwxyzjn/cleanrl/fe8d8a03c41a7ef5b523e2e354bd01c363e786bb/cleanrl
+
+$(LIBRARIES)/cleanrl/%.py:
+	@mkdir -p $(@D)
+	curl --fail --silent --show-error --location --max-time 60 --output $@ $(CLEANRL)/$*.py
 
 test-libraries: renderers $(LIBRARIES)/.ready
 	@failed=0; set -x; \
