@@ -26,7 +26,8 @@ from tests.godot.conftest import Game, is_gone, reset, step
 
 pytestmark = pytest.mark.engine
 
-NULL = {"godot4": "Nil", "godot3": "null"}
+NULL = {"godot4": "nothing (null): does it lack a `return`?", "godot3": "null"}
+SCRIPT = {"godot4": " (res://game.gd)", "godot3": ""}
 
 
 def pid_of(session: EngineSession) -> int:
@@ -146,7 +147,7 @@ def test_a_script_error_is_shown(game: Game, method: str) -> None:
     [
         (
             "size",
-            'world 1, agent Cart/LudusAgent, step 3: observation["steps"]: '
+            'world 1, agent Cart/LudusAgent{script}, step 3: observation["steps"]: '
             "expected 1 numbers, got {null}",
         ),
         ("nan", 'agent: world 1, agent Cart/LudusAgent: observation["rays"][1] is nan at step 3'),
@@ -163,7 +164,8 @@ def test_a_wrong_number_has_a_place(game: Game, engine: str, fault: str, what: s
     step(session, 2)
     with pytest.raises(GameError) as caught:
         step(session)
-    assert caught.value.message.splitlines()[0] == what.replace("{null}", NULL[engine])
+    what = what.replace("{null}", NULL[engine]).replace("{script}", SCRIPT[engine])
+    assert caught.value.message.splitlines()[0] == what
     assert is_gone(pid_of(session), 0.1)
 
 
