@@ -21,7 +21,7 @@ class TimeLimits:
     """Counts the ticks of the agents of one game.
 
     When an episode began, and so when it will end, is known to about one step: the agent stands
-    aside for two steps, or until the game reports an end.
+    aside for two steps or a few more, or until the game reports an end.
 
     Args:
         num_agents: All agents of the game.
