@@ -23,7 +23,8 @@ import tyro
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "compare.md"
 SB3 = (
-    "stable-baselines3==2.9.2", "pandas", "python-dateutil", "pytz", "six", "mujoco", "absl-py",
+    "stable-baselines3==2.9.2", "pandas", "python-dateutil", "pytz", "six", "mujoco",
+    "mujoco-core", "absl-py",
     "etils", "glfw", "pyopengl", "fsspec", "importlib_resources", "zipp",
 )  # fmt: skip
 log = logging.getLogger("compare")
