@@ -71,6 +71,7 @@ class RemotePool:
         self._config = config
         self._num_losses = 0
         self._parameters: Mapping[str, Parameter] = {}
+        self._unmasked: list[str] = []
         self._spec = specs[0]
         self._num_engines = config.num_engines
         self._policies = {policy.name: policy for policy in self._spec.policies}
@@ -105,6 +106,12 @@ class RemotePool:
     def num_worlds(self) -> int:
         """Number of worlds over all engines."""
         return self._spec.num_worlds * self.num_engines
+
+    def ignore_masks(self, policy: str) -> None:
+        """Leave the action masks of ``policy`` out; see :meth:`ludus.pool.Pool.ignore_masks`."""
+        self._policies[policy] = self._policies[policy].without_mask()
+        self._unmasked.append(policy)
+        self.call_all("ignore_masks", policy)
 
     def engines(self, machine: int) -> range:
         """Return the engines of a machine."""
@@ -165,10 +172,12 @@ class RemotePool:
         log.warning("%s; starting it again (%d of %d)", error.message, self._num_losses, limit)
         machine = self.machines[index] = self._start(index)
         self._check_spec(machine, machine.receive())
-        machine.send("prepare", self._config)
-        machine.receive()
+        calls: list[tuple[str, Any]] = [("ignore_masks", policy) for policy in self._unmasked]
+        calls.append(("prepare", self._config))
         if self._parameters:
-            machine.send("randomise", self._parameters)
+            calls.append(("randomise", self._parameters))
+        for method, argument in calls:
+            machine.send(method, argument)
             machine.receive()
         del self.lost[index]
 

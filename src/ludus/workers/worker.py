@@ -147,6 +147,10 @@ class Worker:
 
     # --- the pool -------------------------------------------------------------------------------
 
+    def ignore_masks(self, policy: str) -> None:
+        """Leave the action masks of ``policy`` out; before :meth:`prepare`."""
+        self._pool.ignore_masks(policy)
+
     def reset_pool(self, seed: int | None) -> Batches:
         """Begin new episodes everywhere; ``seed`` is that of the run's first world."""
         first = self._first_engine * self.spec.num_worlds
