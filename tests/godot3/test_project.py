@@ -47,6 +47,8 @@ def test_a_game_that_needs_what_was_dropped_is_left_as_it_is(
     (tmp_path / "project.godot").write_text("config_version=4\n")
     install_addon(tmp_path)
     (tmp_path / name).write_text(DROPPED[name])
+    if is_legacy:
+        (tmp_path / "legacy.gd").write_text("extends GymGodot\n")
     (tmp_path / "addons/ludus/ludus_agent.gd").unlink()
     before = {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
     install = install_legacy_addon if is_legacy else install_addon

@@ -65,8 +65,19 @@ def game_of(env: gymnasium.Env[Any, Any]) -> GymGodotEnv:
 
 
 def started_processes() -> list[psutil.Process]:
-    """Return the processes that this one started, and those that they started."""
-    return psutil.Process().children(recursive=True)
+    """Return the processes that this one started, and those that they started.
+
+    Python's own servers for multiprocessing are left out, which stay as long as it does.
+    """
+    return [each for each in psutil.Process().children(recursive=True) if not _stays(each)]
+
+
+def _stays(process: psutil.Process) -> bool:
+    try:
+        command = " ".join(process.cmdline())
+    except psutil.NoSuchProcess:
+        return True
+    return "multiprocessing.forkserver" in command or "multiprocessing.resource_tracker" in command
 
 
 def left_processes() -> list[str]:
