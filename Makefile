@@ -3,6 +3,7 @@
 # make test        the Python, Godot 4 and Godot 3 tests, against the real engines
 # make test-fast   the tests that start no engine, in about a minute
 # make test-libraries  SB3, PettingZoo, RLlib, TorchRL and three versions of Gymnasium, each in real Godot
+# make test-cluster  training on a Ray cluster of several nodes on this machine
 # make test-bevy   everything in Rust, and the Python tests with Bevy games; needs Cargo
 # make campaign    random faults against training runs, for MINUTES (1) from SEED (0)
 # make lint        formatters, linters and the type checker of every language
@@ -39,7 +40,7 @@ ifneq ($(RUSTUP),)
 export RUSTUP_HOME ?= $(RUSTUP)
 endif
 
-.PHONY: setup demo test test-libraries test-fast campaign test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples addon-zip web bench compare clean
+.PHONY: setup demo test test-libraries test-cluster test-fast campaign test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples addon-zip web bench compare clean
 .DELETE_ON_ERROR:
 
 setup: .venv/.ready
@@ -105,13 +106,13 @@ PYTEST_PARALLEL = $(BIN)/pytest --numprocesses=2 --dist=loadfile --no-loadscope-
 # The last run names what was left out.
 test: renderers
 	@failed=0; set -x; \
-	$(BIN)/pytest -m 'alone and not bevy and not libraries' || failed=1; \
-	$(PYTEST_PARALLEL) -m 'not alone and not bevy and not libraries' || failed=1; \
+	$(BIN)/pytest -m 'alone and not bevy and not libraries and not cluster' || failed=1; \
+	$(PYTEST_PARALLEL) -m 'not alone and not bevy and not libraries and not cluster' || failed=1; \
 	exit $$failed
 
 # Of the examples that Hypothesis draws, the inner loop tries a fifth.
 test-fast: .venv/.ready
-	$(PYTEST_PARALLEL) --hypothesis-profile=fast -m 'not engine and not screen and not slow and not libraries'
+	$(PYTEST_PARALLEL) --hypothesis-profile=fast -m 'not engine and not screen and not slow and not libraries and not cluster'
 
 # Environments of their own, as their packages pin each other. uv links files from its cache, PyTorch included.
 LIBRARIES := .venv/libraries
@@ -124,7 +125,7 @@ $(LIBRARIES)/.ready: pyproject.toml Makefile .venv/.ready
 	@for name in all $(GYMNASIUM_VERSIONS); do $(BIN)/uv venv --quiet --python $(BIN)/python $(LIBRARIES)/$$name || exit 1; done
 	$(UV_PIP) --python $(LIBRARIES)/all/bin/python $(PYTEST_PACKAGES) 'gymnasium==1.2.2' \
 		"torch==$$($(BIN)/python -c 'import importlib.metadata as m; print(m.version("torch"))')" \
-		--editable '.[export,record,sb3,pettingzoo,rllib,torchrl,sweep,track,minari]'
+		--editable '.[export,record,cluster,sb3,pettingzoo,rllib,torchrl,sweep,track,minari]'
 	for version in $(GYMNASIUM_VERSIONS); do $(UV_PIP) --python $(LIBRARIES)/$$version/bin/python $(PYTEST_PACKAGES) \
 		"gymnasium==$$version" psutil --editable '.[engine]' || exit 1; done
 	@$(MAKE) --no-print-directory $(LIBRARIES)/cleanrl/ppo.py $(LIBRARIES)/cleanrl/ppo_continuous_action.py || \
@@ -146,6 +147,10 @@ test-libraries: renderers $(LIBRARIES)/.ready
 	done; \
 	$(LIBRARIES)/all/bin/pytest -m 'libraries and not bevy' || failed=1; \
 	exit $$failed
+
+# One cluster for all of its tests.
+test-cluster: renderers $(LIBRARIES)/.ready
+	$(LIBRARIES)/all/bin/pytest -m cluster tests/workers
 
 # What its last line counts is what docs/reliability.md sums up.
 MINUTES ?= 1

@@ -17,7 +17,7 @@ DISTRIBUTION = "ludus-rl"
 EXTRAS = {"platformdirs": "engine", "tyro": "cli", "rich": "cli", "psutil": "cli",
           "torch": "train", "safetensors": "train", "tensorboard": "train",
           "matplotlib": "train", "onnx": "export", "onnxruntime": "export",
-          "av": "record"}  # fmt: skip
+          "av": "record", "ray": "cluster"}  # fmt: skip
 """Which extra brings a package that may be missing."""
 
 

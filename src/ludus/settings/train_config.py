@@ -34,9 +34,12 @@ Sink = Literal["wandb", "mlflow", "trackio"]
 
 
 SEED = Check("from 0 to 2^63 - 1", lambda seed: 0 <= seed < 2**63)
+LOCAL = r"local:([1-9][0-9]{0,2})"
+"""How a number of worker processes of this machine is asked for."""
+
 CLUSTER = Check(
-    "local:N with N worker processes, 1 to 999",
-    lambda cluster: re.fullmatch(r"local:[1-9][0-9]{0,2}", cluster) is not None,
+    "local:N (N worker processes, 1 to 999), auto, or HOST:PORT of a Ray cluster",
+    lambda cluster: re.fullmatch(rf"{LOCAL}|auto|(?!local:)\S+:[0-9]+", cluster) is not None,
 )
 FOLDER_NAME = Check(
     "a folder name",
@@ -93,8 +96,10 @@ class TrainConfig(GameConfig):
             address, or gym:ENV_ID for any Gymnasium environment.
         max_restarts: How often, in all, an engine that died or froze is started again; on a
             cluster, in all of a machine.
-        cluster: Who plays beside this process: local:N for N worker processes of this machine, each
-            with num_engines engines; if not given, this process plays itself.
+        cluster: Where the games are played: local:N for N worker processes of this machine, auto or
+            HOST:PORT for the machines of a Ray cluster; if not given, this process plays itself.
+        num_machines: Machines of the Ray cluster to play on, each with num_engines engines; all of
+            them if not given.
         seed: Seed of worlds, networks and sampling; random if not given; saved in
             config.json.
         total_steps: Agent steps after which training ends.
@@ -141,6 +146,7 @@ class TrainConfig(GameConfig):
     num_engines: int = setting(2, AT_LEAST_1)
     max_restarts: int = setting(DEFAULT_RESTARTS, AT_LEAST_0)
     cluster: str | None = setting(None, optional(CLUSTER))
+    num_machines: int | None = setting(None, optional(AT_LEAST_1))
     seed: int | None = setting(None, optional(SEED))
     total_steps: int = setting(2_000_000, AT_LEAST_1)
     max_time_s: float | None = setting(None, optional(ABOVE_0))
@@ -175,6 +181,9 @@ class TrainConfig(GameConfig):
         check_lessons(self.curriculum)
         require(self.alternate_every is None or not self.schedule, "alternate_every",
                 "none beside a schedule", self.alternate_every)  # fmt: skip
+        is_ray = self.cluster is not None and re.fullmatch(LOCAL, self.cluster) is None
+        require(is_ray or self.num_machines is None, "num_machines",
+                "none without a Ray cluster (cluster)", self.num_machines)  # fmt: skip
         if self.exact_resume and (
             self.checkpoint_every_s is not None or self.checkpoint_every_updates is None
         ):

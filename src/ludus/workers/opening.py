@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ludus.errors import ConfigError
-from ludus.settings.train_config import TrainConfig
+from ludus.extras import require_package
+from ludus.settings.train_config import LOCAL, TrainConfig
 from ludus.target import Address, Play, parse_target
 from ludus.workers.interface import Machine
 from ludus.workers.process import ProcessMachine
@@ -29,6 +31,7 @@ def open_machines(config: TrainConfig, log_dir: Path | None = None) -> RemotePoo
         TargetError: There is no such target, or it cannot be trained.
         EngineError: An engine did not start.
         MachineLost: A worker died at its start.
+        MissingExtra: Ray is not installed, and ``config.cluster`` names a cluster of it.
     """
     _check(config)
     machines: list[Machine] = []
@@ -50,8 +53,13 @@ def _start(
     Returns:
         The machines, and what starts the worker of one of them again.
     """
-    found = re.fullmatch(r"local:([0-9]+)", config.cluster or "")
-    assert found is not None, "checked by TrainConfig"
+    found = re.fullmatch(LOCAL, config.cluster or "")
+    if found is None:
+        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+        require_package("ray")
+        from ludus.workers.ray_machines import open_ray_machines
+
+        return open_ray_machines(config, log_dir)
 
     def start(index: int) -> Machine:
         return ProcessMachine(config, index, log_dir)
