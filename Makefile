@@ -21,7 +21,7 @@ GODOT3_PROJECT := engines/godot3
 # The linters of Godot 3's GDScript are an older version of the same package.
 BIN3 := .venv/gdtoolkit3/bin
 GDSCRIPT3 := addons examples tests ../../tests/legacy/gymgodot ../../tests/legacy/godot_gym_api
-GDSCRIPT := $(GODOT_PROJECT)/addons $(GODOT_PROJECT)/examples $(GODOT_PROJECT)/gallery $(GODOT_PROJECT)/tests src/ludus/bench src/ludus/export src/ludus/record benchmarks tests/serve tests/legacy/godot_ai
+GDSCRIPT := $(GODOT_PROJECT)/addons $(GODOT_PROJECT)/examples $(GODOT_PROJECT)/gallery $(GODOT_PROJECT)/tests src/ludus/addon src/ludus/bench src/ludus/export src/ludus/record benchmarks tests/legacy/gdrl tests/serve tests/legacy/godot_ai
 
 # uv does not read pip's configuration; hand it the index that pip would use.
 PIP_INDEX = $(shell $(PYTHON) -m pip config get global.index-url 2>/dev/null || echo "$$PIP_INDEX_URL")

@@ -34,8 +34,10 @@ def cluster() -> Iterator[Any]:
     pytest.importorskip("ray")
     os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
     os.environ["RAY_raylet_start_wait_time_s"] = "150"  # noqa: SIM112 - as Ray spells it
+    import ray as ray_package
     from ray.cluster_utils import Cluster
 
+    ray: Any = ray_package
     made: Any = Cluster(
         initialize_head=True, connect=True,
         head_node_args={"num_cpus": 0, "include_dashboard": False},
@@ -44,8 +46,6 @@ def cluster() -> Iterator[Any]:
         made.add_node(num_cpus=1)
     made.wait_for_nodes()
     yield made
-    import ray
-
     ray.shutdown()
     made.shutdown()
 
@@ -87,7 +87,7 @@ def test_a_killed_worker_is_started_again(cluster: Any, tmp_path: Path) -> None:
         if not killed:
             killed.append(next(
                 process.pid for process in psutil.process_iter(["cmdline"])
-                if any("ray::_Actor" in word for word in process.info["cmdline"] or [])
+                if "ray::_Actor" in " ".join(process.info["cmdline"] or [])
             ))  # fmt: skip
             os.kill(killed[0], signal.SIGKILL)
 

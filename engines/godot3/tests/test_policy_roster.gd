@@ -111,7 +111,8 @@ func test_bounds_and_masks_must_fit() -> void:
 	var squashed: StubAgent = _agents(_golden("squashed"), 1)[0]
 	equal(squashed.policy.incompatibility(squashed), "", "right bounds")
 	squashed.action[0].high = 3.0
-	check("trained for -2" in squashed.policy.incompatibility(squashed), squashed.policy.incompatibility(squashed))
+	var found: String = squashed.policy.incompatibility(squashed)
+	check("trained for -2" in found, found)
 	squashed.action[0].size = 2
 	check("decides 3 numbers" in squashed.policy.incompatibility(squashed), "size")
 	var mixed: StubAgent = _agents(_golden("mixed"), 1)[0]

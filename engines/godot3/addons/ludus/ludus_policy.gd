@@ -115,7 +115,9 @@ static func _entry_incompatibility(entry: LudusObservationEntry, declared: Array
 	return 'observation["%s"]: the policy needs this entry, the agent has none' % entry.name
 
 
-func _action_incompatibility(part: LudusActionComponent, own: LudusActionComponent, first: int) -> String:
+func _action_incompatibility(
+	part: LudusActionComponent, own: LudusActionComponent, first: int
+) -> String:
 	if own == null or own.name != part.name or own.kind != part.kind:
 		return (
 			'action["%s"]: the policy decides this component, the agent has %s in its place'

@@ -27,7 +27,8 @@ var _image_entries: Array = []
 var _starts: Array = []
 
 
-## Begins with the declarations of an agent, which [method LudusPolicy.incompatibility] has found right.
+## Begins with the declarations of an agent, which [method LudusPolicy.incompatibility] has found
+## right.
 func _init(first: LudusAgent) -> void:
 	_policy = first.policy
 	_network = _policy.network()
