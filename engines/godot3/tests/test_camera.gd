@@ -41,7 +41,9 @@ func test_who_needs_a_renderer_is_named() -> void:
 	root.add_child(world)
 	world.attach(root)
 	add(root)
-	check("camera Head/Eye needs a renderer" in LudusCameras.find_problem(), "its path in the world")
+	check(
+		"camera Head/Eye needs a renderer" in LudusCameras.find_problem(), "its path in the world"
+	)
 	check(not LudusCameras.take_beginnings(), "nothing to wait for")
 	root.free()
 	equal(LudusCameras.find_problem(), "", "the camera is gone")

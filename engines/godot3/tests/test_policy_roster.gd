@@ -102,7 +102,9 @@ func test_a_policy_that_does_not_fit() -> void:
 		part.set(mistake[0][1], right)
 	equal(agent.policy.incompatibility(agent), "", "a policy that fits")
 	agent.action.append(LudusActionComponent.new())
-	check("decides 1 action components, the agent has 2" in agent.policy.incompatibility(agent), "two")
+	check(
+		"decides 1 action components, the agent has 2" in agent.policy.incompatibility(agent), "two"
+	)
 	_advance(_player(), 3)
 	equal(agent.applied.size() + agent.num_resets, 0, "it is left alone")
 
