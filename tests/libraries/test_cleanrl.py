@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.conftest import NO_CLEANRL
+
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / ".venv" / "libraries" / "cleanrl"
 PAGE = ROOT / "docs" / "libraries" / "cleanrl.md"
@@ -33,7 +35,7 @@ pytestmark = [
 def read_script(name: str) -> str:
     path = FOLDER / name
     if not path.is_file():
-        pytest.skip("CleanRL's scripts are missing; `make test-libraries` downloads them")
+        pytest.skip(NO_CLEANRL)
     assert hashlib.sha256(path.read_bytes()).hexdigest() == SCRIPTS[name]
     return path.read_text()
 
