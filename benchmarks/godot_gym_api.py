@@ -55,7 +55,7 @@ class Options:
         peer: Checkout of godot_gym_api.
         rounds: Times that each case is measured.
         steps: Steps of a round with one environment.
-        blocks: Compare the scripts alone, in so many blocks for each; 0 measures all cases.
+        blocks: Number of blocks in which only the scripts are compared; 0 measures all cases.
     """
 
     peer: tyro.conf.Positional[Path]

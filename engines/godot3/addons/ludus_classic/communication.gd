@@ -25,7 +25,7 @@ const WHOLE := RequestReader.State.WHOLE
 const PORT_ARGUMENT := "--ludus-port="
 ## A game without a client sleeps this long in each frame.
 const IDLE_MS := 5
-## After so many requests it is looked whether another client waits.
+## Requests between two looks for another client that waits.
 const LOOK_EVERY_REQUESTS := 16
 ## Waiting longer than this for a request lets a frame pass, so that the window stays alive.
 const WINDOW_WAIT_MS := 8
