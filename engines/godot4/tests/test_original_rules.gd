@@ -59,12 +59,33 @@ func test_bodies_look_with_all_of_their_width() -> void:
 	_put(game.target, Vector2(100.0, 35.0))
 	game._sense()
 	var senses := game.hero.observation
-	near(senses[1], 330.0 / 700.0, "wall ahead, from the edge of the body")
-	near(senses[10], (200.0 - sqrt(1600.0 - 1225.0)) / 700.0, "beside the middle ray")
+	near(senses[1], Original.cast(330.0 / 700.0), "wall ahead, from the edge of the body")
+	near(senses[10], Original.cast((200.0 - sqrt(375.0)) / 700.0), "beside the middle ray")
 	game.map.add_wall(Vector2(0.0, -100.0), Vector2(0.0, 100.0))
 	game._sense()
-	near(game.hero.observation[1], 80.0 / 700.0, "a wall has no thickness")
+	near(game.hero.observation[1], Original.cast(80.0 / 700.0), "a wall has no thickness")
 	near(game.hero.observation[10], 1.0, "hidden")
+
+
+func test_casts_end_where_those_of_the_physics_server_do() -> void:
+	var space := PhysicsServer2D.space_create()
+	var wall := PhysicsServer2D.segment_shape_create()
+	var body := PhysicsServer2D.body_create()
+	PhysicsServer2D.body_set_mode(body, PhysicsServer2D.BODY_MODE_STATIC)
+	PhysicsServer2D.shape_set_data(wall, Rect2(0.0, -1000.0, 0.0, 1000.0))
+	PhysicsServer2D.body_add_shape(body, wall)
+	PhysicsServer2D.body_set_space(body, space)
+	PhysicsServer2D.space_set_active(space, true)
+	var query := PhysicsShapeQueryParameters2D.new()
+	query.shape = CircleShape2D.new()
+	(query.shape as CircleShape2D).radius = 20.0
+	query.motion = Vector2(700.0, 0.0)
+	for gap: float in [0.5, 1.0, 3.0, 10.0, 99.0, 333.0, 400.0, 650.0, 698.0, 701.0]:
+		query.transform = Transform2D(0.0, Vector2(-20.0 - gap, 0.0))
+		var found := PhysicsServer2D.space_get_direct_state(space).cast_motion(query)
+		equal(Original.cast(gap / 700.0), found[0], "%f pixels before the wall" % gap)
+	for rid: RID in [body, wall, space]:
+		PhysicsServer2D.free_rid(rid)
 
 
 func test_who_is_touched_is_felt() -> void:
@@ -137,6 +158,18 @@ func test_shots_hit_where_the_soldier_looked_before_it_turned() -> void:
 	near(game.soldier.rotation, PI / 2.0, "an angle of the room")
 	near(game.get_reward(0), pow(2.0 * 0.35 - 1.0, 3.0), "the score itself")
 	near(game.get_reward(1), -10.0, "the score of the zombies")
+
+
+func test_a_shot_passes_whom_it_begins_in_and_may_hit_the_soldier_itself() -> void:
+	var game := _duel(Vector2(-100.0, 0.0), Vector2(-80.0, 0.0))
+	game.zombies[1].place = Vector2(0.0, 0.0)
+	_step_all(game, SHOOT)
+	near(game.zombies[0].health, 1.0, "it stands where the shot begins")
+	near(game.zombies[1].health, 0.65, "hit behind it")
+	game = _duel(Vector2(-100.0, 0.0), Vector2(-72.0, 0.0))
+	_step_all(game, SHOOT)
+	near(game.zombies[0].health, 1.0, "8 pixels before its centre")
+	near(game.soldier.health, 0.65, "it shot itself")
 
 
 func test_zombies_bite_only_what_is_ahead() -> void:

@@ -156,6 +156,7 @@ func status() -> Dictionary:
 func _build_original_wall() -> void:
 	map.clear()
 	map.half_thickness = 0.0
+	map.gap = 0.0
 	while map.ends.is_empty():
 		var from := Original.draw_point(world.rng)
 		var to := Original.draw_point(world.rng)

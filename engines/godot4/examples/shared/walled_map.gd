@@ -14,8 +14,6 @@ const LONGEST_WALL := RADIUS
 ## Room left around the ends of an inner wall, pixels: a body of 20 pixels gets through everywhere.
 const PASSAGE := 46.0
 
-## What a moved circle keeps from walls, pixels; far above what 32-bit numbers lose.
-const _GAP := 0.01
 const _HALF_THICKNESS := THICKNESS / 2.0
 const _MAX_TRIES := 40
 
@@ -23,6 +21,8 @@ const _MAX_TRIES := 40
 var ends := PackedVector2Array()
 ## Half the thickness of inner walls for bodies that move, pixels.
 var half_thickness: float = _HALF_THICKNESS
+## What a moved circle keeps from walls, pixels; far above what 32-bit numbers lose.
+var gap: float = 0.01
 
 ## From the room into a frame in which the wall lies along x, its middle at zero.
 var _frames: Array[Transform2D] = []
@@ -72,13 +72,16 @@ func add_wall(from: Vector2, to: Vector2) -> void:
 
 ## Whether a circle of [param radius] overlaps no wall.
 func is_free(place: Vector2, radius: float) -> bool:
-	if maxf(absf(place.x), absf(place.y)) > RADIUS - radius:
-		return false
+	return clearance(place) >= radius
+
+
+## Distance to the nearest wall, pixels.
+func clearance(place: Vector2) -> float:
+	var distance := RADIUS - maxf(absf(place.x), absf(place.y))
 	for i: int in _half_lengths.size():
 		var nearest := Geometry2D.get_closest_point_to_segment(place, ends[2 * i], ends[2 * i + 1])
-		if nearest.distance_to(place) < radius + half_thickness:
-			return false
-	return true
+		distance = minf(distance, nearest.distance_to(place) - half_thickness)
+	return distance
 
 
 ## A random place for a circle of [param radius], at least [param distance] pixels from each of
@@ -106,7 +109,7 @@ func move(place: Vector2, motion: Vector2, radius: float) -> Vector2:
 
 ## Returns the share, 0 to 1, of [param motion] that a circle of [param radius] can move.
 func free_share(place: Vector2, motion: Vector2, radius: float) -> float:
-	var reach := RADIUS - radius - _GAP
+	var reach := RADIUS - radius - gap
 	var share := 1.0
 	if absf(place.x + motion.x) > reach:
 		share = minf(share, (reach - place.x * signf(motion.x)) / absf(motion.x))
@@ -115,7 +118,7 @@ func free_share(place: Vector2, motion: Vector2, radius: float) -> float:
 	for i: int in _half_lengths.size():
 		var near := _frames[i] * place
 		var way := _turns[i] * motion
-		share = minf(share, _entry(near, way, _half_lengths[i], radius + half_thickness + _GAP))
+		share = minf(share, _entry(near, way, _half_lengths[i], radius + half_thickness + gap))
 	return maxf(share, 0.0)
 
 

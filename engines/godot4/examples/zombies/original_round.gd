@@ -25,6 +25,8 @@ const AHEAD := 1 + Fighter.NUM_RAYS
 const NUM_ACTION_NUMBERS := 20
 ## Distance of two starts, pixels.
 const START_DISTANCE := 4.0 * Fighter.RADIUS
+## How far from its end a shot hits, pixels.
+const SHOT_REACH := 10.0
 const MAX_WALLS := 4
 const SHORTEST_WALL := 20.0
 ## How far a wall is from upright or level, pixels.
@@ -41,6 +43,7 @@ func _init(map: Map, soldier: Soldier, zombies: Array[Zombie]) -> void:
 	_soldier = soldier
 	_zombies = zombies
 	map.half_thickness = 0.0
+	map.gap = 0.0
 
 
 ## Numbers in an observation.
@@ -115,7 +118,7 @@ func _act_soldier() -> void:
 	_rifle.wait()
 	_soldier.has_shot = _soldier.action[3] > 0.0 and _rifle.shoot()
 	if _soldier.has_shot:
-		var hit := _soldier.shoot(_map, enemies)
+		var hit := _shoot(enemies)
 		if hit != null:
 			hit.suffer(Soldier.DAMAGE)
 	if _soldier.action[4] > 0.0:
@@ -123,6 +126,30 @@ func _act_soldier() -> void:
 	_soldier.num_shots = roundi(_rifle.ammunition / Rifle.SHOT)
 	_soldier.reload_delay = roundi(_rifle.reload_delay / Rifle.STEP)
 	_walk(_soldier, Soldier.STEP_LENGTH, places)
+
+
+## Casts the shot, and returns what lies deepest within [constant SHOT_REACH] of where it ends: an
+## enemy, at close quarters the soldier itself, or null for a wall. It passes whom it begins in.
+func _shoot(enemies: Array[Fighter]) -> Fighter:
+	var place := _soldier.place
+	var ray := Vector2.from_angle(_soldier.rotation)
+	var way := ray * Fighter.SIGHT
+	var contact := Fighter.RADIUS + Soldier.SHOT_RADIUS
+	var share := _map.free_share(place, way, Soldier.SHOT_RADIUS)
+	for enemy: Fighter in enemies:
+		if enemy.place.distance_to(place) >= contact:
+			share = minf(share, Map.circle_entry(enemy.place - place, way, contact))
+	_soldier.shot_start = place
+	_soldier.shot_end = place + way * Original.cast(share) + ray * Soldier.SHOT_RADIUS
+	var hit: Fighter = null
+	var deepest := SHOT_REACH - _map.clearance(_soldier.shot_end)
+	for fighter: Fighter in enemies + [_soldier]:
+		var distance := fighter.place.distance_to(_soldier.shot_end)
+		var depth := Fighter.RADIUS + SHOT_REACH - distance
+		if depth > maxf(deepest, 0.0):
+			deepest = depth
+			hit = fighter
+	return hit
 
 
 ## Bites what it runs into straight ahead, then turns and walks. It remembers what it senses now:
@@ -139,7 +166,7 @@ func _act_zombie(zombie: Zombie, friend: Zombie, soldier_at: Vector2, friend_at:
 
 func _walk(fighter: Fighter, step: float, others: PackedVector2Array) -> void:
 	var motion := Vector2(fighter.action[0], fighter.action[1]) * step
-	fighter.rotation = fighter.action[2] * PI
+	fighter.rotation = Transform2D(fighter.action[2] * PI, Vector2.ZERO).get_rotation()
 	fighter.place = Original.move(_map, fighter.place, motion, others)
 
 
