@@ -3,6 +3,7 @@ extends "ludus_test.gd"
 
 const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
 
+const LudusScriptReview := preload("res://addons/ludus/agent/script_review.gd")
 const StubAgent := preload("stub_agent.gd")
 
 
@@ -114,6 +115,36 @@ func test_an_observation_that_does_not_fit() -> void:
 		)
 		equal(batch.error, expected, found)
 		equal(frame.size(), 24 + 8 + 3 * 8, "size of the frame in spite of it")
+
+
+func test_observations_keep_their_places_between_slots_that_do_not_act() -> void:
+	var agents := _agents(4)
+	var batch := _batch(agents)
+	for slot: int in 4:
+		agents[slot].seen = PackedFloat32Array([slot, slot, slot])
+	batch.active = PackedByteArray([0, 1, 0, 1])
+	var frame := PackedByteArray()
+	batch.append_observations(frame)
+	var expected := PackedFloat32Array([0, 0, 0, 1, 1, 1, 0, 0, 0, 3, 3, 3])
+	equal(frame.to_float32_array(), expected, "the second and the fourth one act")
+	batch.active = PackedByteArray([1, 0, 1, 0])
+	frame.clear()
+	batch.append_observations(frame)
+	expected = PackedFloat32Array([0, 0, 0, 0, 0, 0, 2, 2, 2, 0, 0, 0])
+	equal(frame.to_float32_array(), expected, "the first and the third one act")
+
+
+func test_outcomes_are_looked_at_unless_their_types_are_declared() -> void:
+	check(LudusScriptReview.declares_outcomes(StubAgent), "the stub declares them")
+	check(not LudusScriptReview.declares_outcomes(null), "no script")
+	var typed := "func is_done() -> bool:\n\treturn false\n"
+	for reward: String in [
+		"func get_reward() -> Variant:\n\treturn null\n", "func get_reward() -> int:\n\treturn 1\n"
+	]:
+		var script := GDScript.new()
+		script.source_code = "extends Node\n" + typed + reward
+		script.reload()
+		check(not LudusScriptReview.declares_outcomes(script), reward)
 
 
 func test_a_missing_entry_is_named() -> void:

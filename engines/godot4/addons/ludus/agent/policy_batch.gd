@@ -24,6 +24,10 @@ var error: String = ""
 
 ## The nodes that have the five methods, beside [member agents].
 var _targets: Array[Object] = []
+## Whether the scripts of all targets declare what their rewards and ends are, so that no step need
+## look at it.
+var _are_declared: bool = true
+var _declaring_script: Script
 ## What is asked for observations, beside [member agents].
 var _observers: Array[Object] = []
 ## Numbers in an observation that is one float32 entry; -1 if it is more than that.
@@ -116,6 +120,7 @@ func set_agent(slot: int, agent: LudusAgent) -> void:
 	if agent != null:
 		_targets[slot] = agent.target
 		_observers[slot] = agent.observer
+		_look_at_types(agent.target.get_script())
 		agent.join_batch(self, slot)
 
 
@@ -252,12 +257,16 @@ func append_to(frame: PackedByteArray) -> void:
 
 ## Appends the entries of what all slots observe, one after the other, each padded.
 func append_observations(frame: PackedByteArray) -> void:
+	if _flat_size >= 0:
+		var numbers := PackedFloat32Array()
+		_ask_numbers(numbers)
+		numbers.resize(agents.size() * _flat_size)
+		frame.append_array(numbers.to_byte_array())
+		LudusWire.pad(frame)
+		return
 	_observations.fill(null)
 	_ask_observations()
-	if _flat_size >= 0:
-		_append_flat(frame)
-	else:
-		_append_entries(frame)
+	_append_entries(frame)
 
 
 ## Appends the action masks of all slots; inactive slots may do everything.
@@ -317,16 +326,38 @@ func _apply() -> void:
 
 ## Asks each slot that acts for its reward, and whether its episode has ended or is cut off.
 func _ask_outcomes() -> void:
+	var are_declared := _are_declared
 	var has_truncation := layout.has_truncation
 	for slot: int in _list_acting():
 		var target := _targets[slot]
 		var reward_value: Variant = target.get_reward()
-		_rewards[slot] = reward_value if reward_value is float else _to_number(slot, reward_value)
 		var is_done: Variant = target.is_done()
-		if is_done if is_done is bool else _to_flag(slot, "is_done()", is_done):
+		if not are_declared:
+			if reward_value is not float:
+				reward_value = _to_number(slot, reward_value)
+			if is_done is not bool:
+				is_done = _to_flag(slot, "is_done()", is_done)
+		_rewards[slot] = reward_value
+		if is_done:
 			_terminated[slot] = 1
 		elif has_truncation and _is_cut(slot):
 			_truncated[slot] = 1
+
+
+## Asks each slot that acts for its observation, and appends it where that is one float32 entry, at
+## its place.
+func _ask_numbers(numbers: PackedFloat32Array) -> void:
+	var size := _flat_size
+	var next := 0
+	for slot: int in _list_acting():
+		if slot > next:
+			numbers.resize(slot * size)
+		next = slot + 1
+		var value: Variant = _observers[slot].get_observation()
+		if value is PackedFloat32Array and (value as PackedFloat32Array).size() == size:
+			numbers.append_array(value)
+		else:
+			numbers.append_array(_numbers_of(slot, value))
 
 
 ## Asks each slot that acts what it observes.
@@ -376,21 +407,9 @@ func _end(slot: int) -> void:
 		_final_parts[i].append_array(_entry_bytes(slot, layout.entries[i], value))
 
 
-func _append_flat(frame: PackedByteArray) -> void:
-	var numbers := PackedFloat32Array()
-	var entry := layout.entries[0]
-	var size := _flat_size
-	for value: Variant in _observations:
-		if value is PackedFloat32Array and (value as PackedFloat32Array).size() == size:
-			numbers.append_array(value)
-			continue
-		var slot := numbers.size() / size
-		if active[slot] == 1:
-			numbers.append_array(_entry_bytes(slot, entry, value).to_float32_array())
-		else:
-			numbers.resize(numbers.size() + size)
-	frame.append_array(numbers.to_byte_array())
-	LudusWire.pad(frame)
+## What a slot observes, as the numbers of the one entry that there is.
+func _numbers_of(slot: int, value: Variant) -> PackedFloat32Array:
+	return _entry_bytes(slot, layout.entries[0], value).to_float32_array()
 
 
 func _append_entries(frame: PackedByteArray) -> void:
@@ -437,6 +456,12 @@ func _entry_bytes(slot: int, entry: LudusObservationEntry, value: Variant) -> Pa
 		_fail(slot, 'observation["%s"]' % entry.name, "%d numbers" % entry.size(), part)
 		bytes.resize(entry.num_bytes())
 	return bytes
+
+
+func _look_at_types(script: Script) -> void:
+	if _are_declared and (script == null or script != _declaring_script):
+		_declaring_script = script
+		_are_declared = LudusScriptReview.declares_outcomes(script)
 
 
 func _is_cut(slot: int) -> bool:

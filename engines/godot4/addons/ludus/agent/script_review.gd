@@ -27,6 +27,22 @@ static func methods_of(script: Script) -> Array[StringName]:
 	return names
 
 
+## Whether a script declares what get_reward(), is_done() and is_truncated() return, so that they
+## can return nothing else.
+static func declares_outcomes(script: Script) -> bool:
+	var types: Dictionary[StringName, int] = {}
+	var base := script
+	while base != null:
+		for method: Dictionary in base.get_script_method_list():
+			types.get_or_add(StringName(str(method["name"])), method["return"]["type"])
+		base = base.get_base_script()
+	return (
+		types.get(&"get_reward") == TYPE_FLOAT
+		and types.get(&"is_done") == TYPE_BOOL
+		and types.get(&"is_truncated", TYPE_BOOL) == TYPE_BOOL
+	)
+
+
 ## The method that was probably meant to be [param known], or an empty name.
 static func find_misspelt(script: Script, known: StringName) -> StringName:
 	var names := methods_of(script)

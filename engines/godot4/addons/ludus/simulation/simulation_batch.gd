@@ -97,6 +97,23 @@ func _ask_outcomes() -> void:
 			_truncated[slot] = 1
 
 
+func _ask_numbers(numbers: PackedFloat32Array) -> void:
+	if _has_departed:
+		super(numbers)
+		return
+	var size := _flat_size
+	var next := 0
+	for slot: int in _list_acting():
+		if slot > next:
+			numbers.resize(slot * size)
+		next = slot + 1
+		var value: Variant = _simulations[slot].get_observation(_indices[slot])
+		if value is PackedFloat32Array and (value as PackedFloat32Array).size() == size:
+			numbers.append_array(value)
+		else:
+			numbers.append_array(_numbers_of(slot, value))
+
+
 func _ask_observations() -> void:
 	if _has_departed:
 		super()
