@@ -249,7 +249,7 @@ def _game_of(model: BaseAlgorithm) -> LudusVectorEnv:
     inner = None if env is None else env.unwrapped
     if not isinstance(inner, LudusVecEnv):
         raise UsageError(
-            "the model's environment is no game of ludus.sb3.make, so that its spec is not known",
+            "the model's environment was not made by ludus.sb3.make, so its spec is not known",
             hint="model.set_env(ludus.sb3.make(…)), or `ludus export MODEL.zip --game GAME`",
         )
     return inner.envs

@@ -116,7 +116,7 @@ def test_calls_out_of_turn_are_refused(session: Session) -> None:
     with pytest.raises(SequenceError, match="nothing to receive"):
         session.receive()
     left = ResetRequest(np.zeros(1, np.uint64), np.array([ResetAction.LEAVE], np.uint8))
-    with pytest.raises(SequenceError, match="left alone before its first reset"):
+    with pytest.raises(SequenceError, match="the first reset left the world out"):
         session.reset(left)
     begin(session)
     session.send(move(0.25))

@@ -159,7 +159,7 @@ def test_a_game_without_keys_cannot_be_played_by_hand() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"dataset": "no version"}, "--dataset no version is no name of a dataset"),
+        ({"dataset": "no version"}, "--dataset no version is not a valid dataset name"),
         ({"policy": (Path("none"),), "is_random": False}, "there is no run or policy file none"),
     ],
     ids=str,

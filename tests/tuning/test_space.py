@@ -41,7 +41,7 @@ def test_ranges_and_choices_are_read(name: str, text: str, domain: Domain | None
         ("ppo.learning_rate", "log:0:1", "the bounds must be LOW above 0, then HIGH"),
         ("ppo.learning_rate", "log:1", "cannot be read\nhint: write NAME=LOW:HIGH"),
         ("ppo.learning_rate", "a:b", "cannot be read"),
-        ("ppo.activation", "1:2", "ppo.activation is no number"),
+        ("ppo.activation", "1:2", "ppo.activation is not a number"),
     ],
 )
 def test_what_cannot_be_varied_is_an_error(name: str, text: str, message: str) -> None:

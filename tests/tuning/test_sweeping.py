@@ -158,7 +158,7 @@ def test_a_mistake_leaves_nothing(tmp_path: Path, changes: dict[str, Any], messa
 
 @pytest.mark.libraries
 def test_what_is_no_sweep_cannot_be_resumed(tmp_path: Path) -> None:
-    with pytest.raises(RunError, match="is no sweep that can go on"):
+    with pytest.raises(RunError, match="cannot be resumed as a sweep"):
         ludus.sweep(resume=tmp_path)
 
 

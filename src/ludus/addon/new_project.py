@@ -39,7 +39,7 @@ def make_project(folder: Path, kind: ProjectKind) -> Path:
     """
     name = folder.resolve().name
     if not name or not name.isprintable() or set(name) & set('"\\{}'):
-        raise ConfigError(f"{name!r} is no name for a project", "use letters, digits, - and _")
+        raise ConfigError(f"{name!r} is not a valid project name", "use letters, digits, - and _")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError(
             f"{folder} exists already", "choose a name that is free, or an empty folder"

@@ -201,7 +201,7 @@ def _sizes(layers: list[tuple[Tensor, Tensor]], where: str, path: Path) -> list[
 
 def _misfit(path: Path, field: str, what: str) -> CheckpointError:
     return CheckpointError(
-        f"{path} is no checkpoint of godot-ai: {field}: {what}",
+        f"{path} is not a checkpoint of godot-ai: {field}: {what}",
         hint=f"its server writes checkpoints/NAME.pt with {_ACTOR}, {_CRITICS}, {_TARGETS} and "
         f"{_TEMPERATURE}; read with PyTorch {torch.__version__}",
     )

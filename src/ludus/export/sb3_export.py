@@ -92,7 +92,7 @@ def export_model(config: ExportConfig) -> Exported:
     """
     if config.game is None:
         raise ConfigError(
-            f"{config.run} does not tell which game it was trained in", hint="--game cartpole"
+            f"{config.run} does not say which game it was trained in", hint="--game cartpole"
         )
     with open_pool(config.game, PoolConfig(godot=config.godot)) as pool:
         spec = choose_policy(pool, config.policy)
@@ -100,7 +100,7 @@ def export_model(config: ExportConfig) -> Exported:
     (path,) = place_files([spec.name], to, config.run.parent)
     if read_zip(config.run).is_normalised is None:
         _log.warning(
-            "%s does not tell whether it was trained behind VecNormalize; if it was, it is unsafe "
+            "%s does not say whether it was trained behind VecNormalize; if it was, it is unsafe "
             "to ship: use ludus.sb3.export(model, path, vec_normalize) in Python",
             config.run,
         )

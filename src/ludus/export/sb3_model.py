@@ -160,7 +160,7 @@ class _Parts:
         layers = self._sequence(f"{prefix}cnn")
         kernels = [tuple(weight.shape[2:]) for weight, _ in layers]
         if kernels != [(kernel, kernel) for kernel, _ in _NATURE_CNN]:
-            raise PolicyFileError(f"{prefix}cnn: kernels are {kernels}, those of NatureCNN are not")
+            raise PolicyFileError(f"{prefix}cnn: kernels are {kernels}, unlike those of NatureCNN")
         return layers, self._layer(f"{prefix}linear.0")
 
 

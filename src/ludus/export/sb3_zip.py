@@ -72,7 +72,7 @@ def read_zip(path: Path) -> Sb3Model:
     except OSError as error:
         raise PolicyFileError(f"{path} cannot be read: {error.strerror}") from error
     except (zipfile.BadZipFile, ValueError, RecursionError) as error:
-        raise PolicyFileError(f"{path} is no model of Stable-Baselines3: {error}") from error
+        raise PolicyFileError(f"{path} is not a model of Stable-Baselines3: {error}") from error
     if not isinstance(data, dict):
         raise _misfit(path, "data", "it is no JSON object")
     fields = cast(dict[str, Any], data)

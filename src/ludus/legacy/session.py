@@ -86,7 +86,7 @@ class LegacySession:
         self._check_turn("reset")
         action, given = ResetAction(int(request.actions[0])), _parameters(request)
         if action is ResetAction.LEAVE and not self._has_reset:
-            raise SequenceError("the world was left alone before its first reset")
+            raise SequenceError("the first reset left the world out")
         with self._close_on_error:
             for world in self._worlds:
                 world.clear_outcome()

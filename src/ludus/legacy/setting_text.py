@@ -108,7 +108,7 @@ def _number(node: ast.expr) -> float:
     value = _value_of(node)
     if isinstance(value, int | float):
         return value
-    raise ValueError(f"{ast.unparse(node)} is no number")
+    raise ValueError(f"{ast.unparse(node)} is not a number")
 
 
 def _named(name: str) -> Any:

@@ -28,7 +28,7 @@ def check_space(name: str, space: Any) -> None:
         names = ", ".join(kind.__name__ for kind in _KNOWN)
         raise ConfigError(
             f"{name} must be one of {names}, got {space!r}",
-            hint="the wire does not tell spaces: declare them in Python, as the game has them",
+            hint="the game does not send its spaces: declare them in Python, as the game has them",
         )
 
 

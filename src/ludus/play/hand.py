@@ -78,5 +78,5 @@ def _write_action(spec: PolicySpec, value: Any, batch: ActionBatch, slot: int) -
         batch.continuous[slot] = np.asarray(numbers, np.float32)
     except (TypeError, ValueError) as error:
         raise ActionError(
-            f"{METHOD}() of policy {spec.name} returned {value!r}, which is no action: {error}"
+            f"{METHOD}() of policy {spec.name} returned {value!r}, which is not an action: {error}"
         ) from None

@@ -188,7 +188,7 @@ def _refuse_changed(config: PoolConfig, names: Sequence[str], reason: str, hint:
 def _check(config: PoolConfig, target: EngineTarget) -> None:
     if config.bridge:
         raise ConfigError(
-            f"{', '.join(config.bridge)} is a setting of legacy bridges, and {target.name} is none"
+            f"{', '.join(config.bridge)} is a setting of legacy bridges, which {target.name} is not"
         )
     if config.num_engines > 1 and isinstance(target, Address | Play):
         raise ConfigError(

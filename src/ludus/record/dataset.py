@@ -192,7 +192,7 @@ def _names(dataset: str, pool: Pool) -> dict[str, str]:
     """Return the name of each policy's dataset."""
     if not NAME.fullmatch(dataset):
         raise ConfigError(
-            f"--dataset {dataset} is no name of a dataset", "name it such as cartpole/expert-v0"
+            f"--dataset {dataset} is not a valid dataset name", "name it such as cartpole/expert-v0"
         )
     if len(pool.policies) == 1:
         return dict.fromkeys(pool.policies, dataset)

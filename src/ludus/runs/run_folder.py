@@ -257,7 +257,7 @@ def stack_layers(
     # Every run has saved a target, though an empty one where a script opened the game.
     if run is not None and "target" not in layers[0].values:
         raise ConfigError(
-            f"{files[0][0]} has no setting target, so that it is not what a run has saved",
+            f"{files[0][0]} lacks the setting target, so no run saved it",
             "bring back the file, or start a new run",
         )
     layers.append(last)

@@ -108,7 +108,7 @@ def _read_domain(name: str, text: str) -> Domain:
     except ValueError:
         raise _unreadable(name, text) from None
     if not kinds & {int, float}:
-        raise ConfigError(f"--set {name}={text}: {name} is no number", f"write {name}=A,B,C")
+        raise ConfigError(f"--set {name}={text}: {name} is not a number", f"write {name}=A,B,C")
     if not low < high or (is_log and low <= 0):
         above = " above 0" if is_log else ""
         raise ConfigError(f"--set {name}={text}: the bounds must be LOW{above}, then HIGH")

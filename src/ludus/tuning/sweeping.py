@@ -374,7 +374,7 @@ def _read_config(folder: Path) -> SweepConfig:
         config = SweepConfig(dict(values["space"]), layers, values["objective"], seeds)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise RunError(
-            f"{folder} is no sweep that can go on: {type(error).__name__}: {error}",
+            f"{folder} cannot be resumed as a sweep: {type(error).__name__}: {error}",
             "name a folder that ludus sweep has made",
         ) from None
     require_trust(folder / "sweep.json", _programs_of(merge(config.layers)))

@@ -108,7 +108,7 @@ class ProcessMachine:
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(END_S)
         if self._process.poll() is None:
-            log.warning("%s does not end, and is killed", self.name)
+            log.warning("%s did not end and was killed", self.name)
             self._process.kill()
             self._process.wait()
 

@@ -145,7 +145,7 @@ class RayMachine:
                 self.send("close")
                 self.receive()
             except LudusError as error:
-                log.warning("%s was not ended in order: %s", self.name, error.message)
+                log.warning("%s did not end cleanly: %s", self.name, error.message)
             self.kill()
         if self._group is not None:
             remove_placement_group(self._group)

@@ -200,7 +200,7 @@ def test_other_files_are_named_with_their_field(
 def test_broken_files_are_named(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "hero.pt"
     path.write_bytes(content)
-    with pytest.raises(CheckpointError, match=r"hero\.pt is no checkpoint of godot-ai: file: "):
+    with pytest.raises(CheckpointError, match=r"hero\.pt is not a checkpoint of godot-ai: file: "):
         read_godot_ai(path)
 
 
