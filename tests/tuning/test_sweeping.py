@@ -55,6 +55,26 @@ def test_a_sweep_leaves_the_best_settings_and_a_picture(tmp_path: Path) -> None:
 
 
 @pytest.mark.libraries
+@pytest.mark.engine
+@pytest.mark.parametrize(
+    ("discount", "epochs"),
+    [("0.9:0.999", "4:12"), ("0.98:0.99", "4:12"), ("0.9,0.99", "4,10")],
+    ids=["in-the-space", "outside", "no-choice"],
+)
+def test_the_first_trial_has_the_settings_of_the_scene(
+    tmp_path: Path, discount: str, epochs: str
+) -> None:
+    space = {"ppo.discount": discount, "ppo.epochs": epochs, "algorithm": "ppo,sac"}
+    given: dict[str, Any] = {"num_worlds": 2, "num_engines": 1, "total_steps": 64, "seed": 5}
+    (trial,) = ludus.sweep("pendulum", space, trials=1, runs=tmp_path, **given).trials
+    assert trial.values == {"ppo.discount": 0.95, "ppo.epochs": 10, "algorithm": "ppo"}
+    config = json.loads((trial.path / "config.json").read_bytes())
+    origins = {name: of for name, of in config["origins"].items() if name.startswith("policies.")}
+    assert set(origins.values()) == {"scene"}
+    assert config["policies"]["pendulum"]["discount"] == 0.95
+
+
+@pytest.mark.libraries
 def test_a_target_return_counts_steps(tmp_path: Path) -> None:
     sweep = ludus.sweep(
         TARGET, SPACE, trials=2, runs=tmp_path, target_return=12.0, return_window=3, **SMALL

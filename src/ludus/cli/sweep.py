@@ -123,7 +123,7 @@ def _table(sweep: Sweep) -> Table:
     down = sweep.objective == "return"
     ranked = sorted(sweep.trials, key=lambda trial: _rank(trial, down=down))
     for trial in ranked:
-        cells = [_figure(trial.values.get(name)) for name in names]
+        cells = [_figure(trial.values.get(name, "as is")) for name in names]
         score = _figure(trial.score)
         if trial.state != "complete" or trial.reached is False:
             score = "not reached" if trial.state == "complete" else trial.state

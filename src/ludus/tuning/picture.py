@@ -46,14 +46,15 @@ def draw_sweep(picture: Path, sweep: Sweep, space: Mapping[str, Domain]) -> None
     for axis in axes[::width]:
         axis.set_ylabel(LABELS[sweep.objective])
     for axis, (name, domain) in zip(axes[1:], space.items(), strict=False):
-        places = [trial.values.get(name) for trial in trials]
+        shown = [trial for trial in trials if domain.holds(trial.values.get(name))]
+        places = [trial.values.get(name) for trial in shown]
         if isinstance(domain, Choice):
             texts = list(domain.texts)
             places = [texts.index(json.dumps(place)) for place in places]
             axis.set_xticks(range(len(texts)), texts)
         elif domain.is_log:
             axis.set_xscale("log")
-        _scatter(axis, places, trials, sweep)
+        _scatter(axis, places, shown, sweep)
         axis.set_xlabel(name)
     with disk_errors(str(picture)):
         figure.savefig(picture)

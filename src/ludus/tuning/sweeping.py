@@ -9,8 +9,8 @@
         best.toml           the best settings, for ``ludus train --config``
         sweep.png           scores by trial and by setting
 
-The first trial has the settings as they are, to compare with. A sweep that was killed goes on: the
-trial that was under way is resumed from its checkpoint.
+The first trial has the settings as they are, those of the scene among them, to compare with. A
+sweep that was killed goes on: the trial that was under way is resumed from its checkpoint.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import logging
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -31,11 +31,12 @@ from ludus.errors import ConfigError, DivergenceError, RunError, SetupError
 from ludus.locks import LockHeld, file_lock
 from ludus.runs.run_folder import RunFolder
 from ludus.runs.trust import PROGRAM_SETTINGS, make_mark, require_trust
-from ludus.settings.merging import Layer, merge
+from ludus.settings.merging import Layer, merge, resolve
 from ludus.settings.plain import MARK, plain_settings, to_plain
+from ludus.settings.policy_config import ALGORITHM_CONFIGS
 from ludus.settings.train_config import TrainConfig
 from ludus.training.hooks import Hooks, Training
-from ludus.training.loop import train
+from ludus.training.loop import open_training_pool, train
 from ludus.training.progress import RunResult
 from ludus.tuning.picture import draw_sweep
 from ludus.tuning.space import Range, nest, read_space
@@ -49,6 +50,8 @@ policy's mean return reaches ``target_return``."""
 REPORTS = 20
 """Shares of a run after which a trial is compared with others, and ended if it is worse."""
 LOCK_TIMEOUT_S = 1.0
+AS_IS = "as-is"
+"""Attribute of the trial that varies nothing: what it has of the settings that others vary."""
 
 log = logging.getLogger(__name__)
 
@@ -78,7 +81,8 @@ class Trial:
 
     Attributes:
         number: From 0; 0 has the settings as they are.
-        values: What was varied, by dotted name.
+        values: What was varied, by dotted name; without settings that policies disagree on in
+            trial 0.
         state: ``complete``, ``pruned`` (ended early, as it was worse than others) or ``failed``.
         score: Mean return or agent steps, the median over its seeds; None if it failed.
         reached: Whether every policy reached ``target_return`` in more than half of its runs; None
@@ -213,16 +217,54 @@ class _Runner:
     def _take_up(self) -> None:
         """Ask for the settings as they are first, and again for trials that were cut off."""
         if not self._study.trials:
-            plain = _by_name(to_plain(self._base))
-            current = {name: plain.get(name) for name in self._space}
-            if all(domain.holds(current[name]) for name, domain in self._space.items()):
-                self._study.enqueue_trial(self._as_params(current))
+            current = self._current_values()
+            params = self._as_params(current) if self._contains(current) else {}
+            self._study.enqueue_trial(params, user_attrs={AS_IS: current})
         # Another order of draws than before the interruption would repeat proposals.
         self._study.sampler.reseed_rng()
         for trial in self._study.get_trials(states=(self._optuna.trial.TrialState.RUNNING,)):
             self._study.tell(trial.number, state=self._optuna.trial.TrialState.FAIL)
             self._study.set_user_attr(f"again-{trial.number}", True)
             self._study.enqueue_trial(trial.params, user_attrs=trial.user_attrs)
+
+    def _current_values(self) -> dict[str, Any]:
+        """Return what is varied as the game is trained without a sweep.
+
+        Only the open game tells what its scene sets. Settings that its policies disagree on are
+        left out.
+        """
+        with open_training_pool(replace(self._base, num_worlds=1, num_engines=1)) as pool:
+            policies = resolve(self._layers, pool.policies).config.policies
+        config = replace(self._base, policies=policies)
+        plain = _by_name(to_plain(config))
+        current: dict[str, Any] = {}
+        for name in self._space:
+            algorithm, _, setting = name.partition(".")
+            if name == "algorithm":
+                found = [own.algorithm for own in policies.values()]
+            elif algorithm in ALGORITHM_CONFIGS:
+                users = [of for of, own in policies.items() if own.algorithm == algorithm]
+                found = [plain[f"policies.{of}.{setting}"] for of in users]
+            else:
+                found = [plain.get(name)]
+            found = found or [plain[name]]  # nobody uses this algorithm
+            if all(value == found[0] for value in found):
+                current[name] = found[0]
+        return current
+
+    def _contains(self, values: Mapping[str, Any]) -> bool:
+        """Return whether the sweep could propose these values."""
+        return all(
+            name in values and domain.holds(values[name]) for name, domain in self._space.items()
+        )
+
+    def _propose(self, trial: Any) -> dict[str, Any]:
+        """Return the settings that a trial changes, and let Optuna know all that it varies."""
+        current = trial.user_attrs.get(AS_IS)
+        if current is not None and not self._contains(current):
+            return {}
+        values = {name: domain.suggest(trial, name) for name, domain in self._space.items()}
+        return values if current is None else {}
 
     def _as_params(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return values as Optuna knows them."""
@@ -234,7 +276,7 @@ class _Runner:
     def _run_trial(self, on_trial: OnTrial | None) -> int | None:
         """Run one trial; return the signal that interrupted it, if any."""
         trial: Any = self._study.ask()
-        values = {name: domain.suggest(trial, name) for name, domain in self._space.items()}
+        values = self._propose(trial)
         run = trial.user_attrs.get("run") or f"trial-{trial.number:03}"
         trial.set_user_attr("run", run)
         outcomes: list[Any] = trial.user_attrs.get("outcomes", [])
@@ -303,7 +345,7 @@ class _Runner:
         for trial in self._study.trials:
             if trial.state.name not in states or f"again-{trial.number}" in self._study.user_attrs:
                 continue
-            values = {
+            values = trial.user_attrs.get(AS_IS) or {
                 name: value if isinstance(self._space[name], Range) else json.loads(value)
                 for name, value in trial.params.items()
             }
