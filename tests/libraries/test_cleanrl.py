@@ -14,11 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import NO_CLEANRL
+from tests.conftest import CLEANRL
 
-ROOT = Path(__file__).parents[2]
-FOLDER = ROOT / ".venv" / "libraries" / "cleanrl"
-PAGE = ROOT / "docs" / "libraries" / "cleanrl.md"
+PAGE = Path(__file__).parents[2] / "docs/libraries/cleanrl.md"
 SCRIPTS = {
     "ppo.py": "d8dfbb7ac0b21e747b77d6e6673e566db4d6cdacc83bcebcd19cf87ad0e459ae",
     "ppo_continuous_action.py": "326dd8678bf9cc51abec833eb551ef2409a3804d604b689e1f0a084eca41f655",
@@ -26,6 +24,7 @@ SCRIPTS = {
 """Names and SHA-256 of the files of the commit that the page names."""
 
 pytestmark = [
+    pytest.mark.cleanrl,
     pytest.mark.libraries,
     pytest.mark.engine,
     pytest.mark.timeout(400, func_only=True),
@@ -33,9 +32,7 @@ pytestmark = [
 
 
 def read_script(name: str) -> str:
-    path = FOLDER / name
-    if not path.is_file():
-        pytest.skip(NO_CLEANRL)
+    path = CLEANRL / name
     assert hashlib.sha256(path.read_bytes()).hexdigest() == SCRIPTS[name]
     return path.read_text()
 
