@@ -1,6 +1,7 @@
 """What other libraries' interfaces cost: pairs of ways to step the same game, in turn.
 
-.venv/libraries/all/bin/python benchmarks/libraries.py [sb3] [rgb_array] [gymnasium] [rllib]
+.venv/libraries/all/bin/python benchmarks/libraries.py [sb3] [rgb_array] [autoreset] [gymnasium]
+    [rllib]
 """
 
 # The types of these libraries are incomplete.
@@ -42,13 +43,13 @@ def _rate(turn: Turn) -> float:
     return steps / (time.perf_counter() - start)
 
 
-def _stepper(envs: Any, num: int) -> Turn:
+def _stepper(envs: Any, num: int, *, is_random: bool = False) -> Turn:
     envs.reset()
-    actions = np.zeros(num, np.int64)
+    actions = np.random.default_rng(1).integers(0, 2, (20, num)) * is_random
 
     def turn() -> int:
-        for _ in range(20):
-            envs.step(actions)
+        for row in actions:
+            envs.step(row)
         return 20 * num
 
     return turn
@@ -91,6 +92,20 @@ def rgb_array() -> None:
     compare("64 cartpoles", ("rgb_array", _stepper(drawing, 64)), ("None", _stepper(own, 64)))
     own.close()
     drawing.close()
+
+
+def autoreset() -> None:
+    """Compare next-step with same-step autoreset with random play, of one world and of 64."""
+    for num in (1, 64):
+        modes = ("next_step", "same_step")
+        pair = [ludus.make_vec("cartpole", num_worlds=num, autoreset_mode=mode) for mode in modes]
+        first, second = (
+            (mode, _stepper(envs, num, is_random=True))
+            for mode, envs in zip(modes, pair, strict=True)
+        )
+        compare(f"{num} cartpoles at random", first, second)
+        for envs in pair:
+            envs.close()
 
 
 def gymnasium_cartpole() -> None:
@@ -139,7 +154,13 @@ def rllib() -> None:
     ray.shutdown()
 
 
-TABLE = {"sb3": sb3, "rgb_array": rgb_array, "gymnasium": gymnasium_cartpole, "rllib": rllib}
+TABLE = {
+    "sb3": sb3,
+    "rgb_array": rgb_array,
+    "autoreset": autoreset,
+    "gymnasium": gymnasium_cartpole,
+    "rllib": rllib,
+}
 
 if __name__ == "__main__":
     warnings.simplefilter("ignore")

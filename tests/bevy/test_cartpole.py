@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import ludus
 from ludus.check import CheckConfig, run_checks
 from ludus.cli.main import main
 from ludus.pool import PoolConfig, open_pool
@@ -146,3 +147,34 @@ def test_ludus_train_writes_a_run(executable: Path, tmp_path: Path) -> None:
     ]  # fmt: skip
     assert main(arguments) == 0
     assert (tmp_path / "short" / "config.json").is_file()
+
+
+def test_next_step_autoreset_pauses_for_a_step(executable: Path) -> None:
+    """The first episodes are those of same-step autoreset, to the bit."""
+    modes = ("next_step", "same_step")
+    own, other = (ludus.make_vec(TARGET, num_worlds=8, autoreset_mode=mode) for mode in modes)
+    rng = np.random.default_rng(1)
+    num_pauses = 0
+    is_first, is_pause = np.ones(8, np.bool_), np.zeros(8, np.bool_)
+    try:
+        np.testing.assert_array_equal(own.reset(seed=3)[0], other.reset(seed=3)[0])
+        for _ in range(80):
+            actions = rng.integers(0, 2, 8)
+            seen, reward, terminated, truncated, infos = own.step(actions)
+            expected, same_reward, same_terminated, _, same_infos = other.step(actions)
+            for row in (is_first & same_terminated).nonzero()[0]:
+                expected[row] = same_infos["final_obs"][row]
+            np.testing.assert_array_equal(seen[is_first], expected[is_first])
+            np.testing.assert_array_equal(reward[is_first], same_reward[is_first])
+            np.testing.assert_array_equal(terminated[is_first], same_terminated[is_first])
+            assert not infos
+            assert (seen[is_pause][:, [1, 3]] == 0.0).all(), "it begins at rest"
+            assert not reward[is_pause].any()
+            assert not (terminated | truncated)[is_pause].any()
+            num_pauses += int(is_pause.sum())
+            is_pause = terminated | truncated
+            is_first &= ~is_pause
+        assert num_pauses > 8
+    finally:
+        own.close()
+        other.close()

@@ -16,7 +16,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import ludus
-from ludus.errors import ActionError, SequenceError, UsageError
+from ludus.errors import ActionError, SequenceError, SetupError, UsageError
 
 pytestmark = pytest.mark.engine
 
@@ -179,3 +179,20 @@ def test_unknown_settings_are_refused(oracle: Path) -> None:
         ludus.make(oracle, render_mode="ansi")
     with pytest.raises(UsageError, match="no policy 'hero'"):
         ludus.make(oracle, policy="hero")
+
+
+@pytest.mark.parametrize("make", [ludus.make, ludus.make_vec])
+def test_where_nothing_can_draw_a_game_plays_and_render_says_why(
+    make: Any, oracle: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("ludus.engine.screen.find_xvfb", lambda: None)
+    env = make(oracle, render_mode="rgb_array")
+    try:
+        env.reset(seed=1)
+        with pytest.raises(SetupError, match=r"cannot draw .*neither one nor Xvfb\nhint: .*Xvfb"):
+            env.render()
+        env.step(env.action_space.sample())
+    finally:
+        env.close()
