@@ -14,6 +14,7 @@ PUBLIC = {
     "LudusBridge",
     "LudusCamera2D",
     "LudusCamera3D",
+    "LudusDebugView",
     "LudusGrid2D",
     "LudusGrid3D",
     "LudusNearest2D",

@@ -35,7 +35,7 @@ from ludus.algorithms.ppo_recorder import PPORecorder
 from ludus.algorithms.recorder import Recording
 from ludus.algorithms.recurrence import Sequences, cut_into_sequences, run_memory
 from ludus.networks.device import mixed_precision
-from ludus.networks.networks import Inputs, perceptron
+from ludus.networks.networks import Inputs
 from ludus.networks.normalise import RewardScaler
 from ludus.networks.policy import Policy
 from ludus.networks.tensors import (
@@ -114,13 +114,7 @@ class PPO:
         self.config = config
         self._device = policy.device
         self._is_mixed = settings.is_mixed
-        sizes = config.critic_hidden_sizes
-        sizes = config.hidden_sizes if sizes is None else sizes
-        # Values start at exactly 0. Until the first reward, random ones would be all there is to
-        # the advantages; normalised, that noise makes the actor nearly deterministic, often before
-        # it has reached a reward at all.
-        self._critic = perceptron((policy.feature_size, *sizes, 1), config.activation, 0.0)
-        self._critic.to(self._device)
+        self._critic = policy.make_critic(config).to(self._device)
         parameters = itertools.chain(policy.parameters(), self._critic.parameters())
         self._optimiser = Adam(parameters, ADAM_EPSILON)
         self._forward = cast(

@@ -29,7 +29,8 @@ class PlayCommand(BridgeFlags, ActionFlags, PlayConfig):
 
     With a run folder, the agents trained there play; with a game, you do, or chance with --random.
     Close the window or press Ctrl-C to stop. In the window of a Godot 4 game F1 pauses, F2 takes
-    one step, and F3 slows down to a half, a quarter, an eighth, and back.
+    one step, F3 slows down to a half, a quarter, an eighth, and back, and F4 shows what an agent
+    sees and decides.
 
     Attributes:
         target: Run folder or checkpoint of trained agents; or a game: a bundled example, a project

@@ -42,6 +42,7 @@ class RecordCommand(BridgeFlags, ActionFlags, RecordConfig):
     frames_per_second: Annotated[float | None, tyro.conf.arg(name="fps")] = setting(
         None, optional(ABOVE_0)
     )
+    has_overlay: Annotated[bool, tyro.conf.arg(name="overlay")] = False
     scene: str | None = None
 
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from ludus.networks.distributions import ActionHead, GaussianShape
+from ludus.networks.distributions import LOG_STD_RANGE, ActionHead, GaussianShape
 from ludus.networks.networks import FeatureTorso, Inputs, ObservationEncoder, perceptron
 from ludus.networks.own_network import MakeNetwork, OwnTorso
 from ludus.networks.tensors import as_tensor, as_tensors
 from ludus.settings.policy_config import PolicyConfig, PPOConfig
 from ludus.spec import PolicySpec
 from ludus.spec.batch import ActionBatch, Batch
+from ludus.spec.decision import ActionShape, Decision, describe_outputs
 
 __all__ = ["Player", "Policy"]
 
@@ -35,7 +38,11 @@ class Policy(nn.Module):
         memory_size: Its units, 0 without one.
         actor: From features to what ``head`` makes actions of.
         head: The action distribution.
+        critic: From features to the return that it expects, in rewards of the game; None where it
+            was not loaded. It is no part of the policy.
     """
+
+    critic: Callable[[Tensor], float] | None = None
 
     def __init__(
         self, spec: PolicySpec, config: PolicyConfig, make_network: MakeNetwork | None = None
@@ -79,6 +86,17 @@ class Policy(nn.Module):
         assert self.memory is not None
         return self.memory(features, state)
 
+    def make_critic(self, config: PPOConfig) -> nn.Module:
+        """Return PPO's critic, from features to a value; its values begin at exactly 0.
+
+        Until the first reward, random values would be all there is to the advantages; normalised,
+        that noise makes the actor nearly deterministic, often before it has reached a reward at
+        all.
+        """
+        hidden = config.critic_hidden_sizes
+        hidden = config.hidden_sizes if hidden is None else hidden
+        return perceptron((self.feature_size, *hidden, 1), config.activation, 0.0)
+
     def act_on(self, inputs: Inputs, state: Tensor | None) -> tuple[Tensor, Tensor | None]:
         """Return the actor's outputs, ``float32[n, head.num_outputs]``, and the memory's state."""
         features = self.features(inputs)
@@ -105,6 +123,7 @@ class Player:
         size = policy.memory_size
         self._state = torch.zeros(num_slots, size, device=policy.device) if size else None
         self._was_active = np.zeros(num_slots, np.bool_)
+        self._last: tuple[Tensor, Inputs, Batch] | None = None
 
     @torch.inference_mode()
     def act(self, batch: Batch, rows: NDArray[np.int64] | None = None) -> ActionBatch:
@@ -133,7 +152,25 @@ class Player:
             policy.head.fill_noise(noise, self._generator)
         mask = None if batch.action_mask is None else as_tensor(batch.action_mask[chosen], device)
         discrete, continuous = policy.head.sample(outputs, noise, mask)
+        self._last = outputs, inputs, batch
         return ActionBatch(discrete.cpu().numpy(), policy.head.to_bounds(continuous).cpu().numpy())
+
+    @torch.inference_mode()
+    def describe(self, slot: int) -> Decision:
+        """Return how probable the actions of a slot were in the last step, in which all acted."""
+        assert self._last is not None
+        outputs, inputs, batch = self._last
+        head = self.policy.head
+        log_std = None if head.log_std is None else head.log_std.cpu().numpy()
+        shape = ActionShape(log_std, LOG_STD_RANGE, head.shape.is_squashed)
+        mask = None if batch.action_mask is None else batch.action_mask[slot]
+        value = None
+        if self.policy.critic is not None:
+            row = slice(slot, slot + 1)
+            state = None if self._state is None else self._state[row]
+            features = self.policy.features(inputs.rows(row)) if state is None else state
+            value = self.policy.critic(features)
+        return describe_outputs(outputs[slot].cpu().numpy(), self.policy.spec, shape, mask, value)
 
     def _recall(self, batch: Batch, chosen: NDArray[np.int64] | slice) -> Tensor | None:
         """Return what some slots remember of their episodes."""

@@ -13,6 +13,7 @@ from ludus.play.command_line import play_command
 from ludus.play.episodes import EpisodeCounter, OnEpisode
 from ludus.play.players import MakePlayer
 from ludus.play.playing import Play
+from ludus.play.watched import WatchedPlayer
 from ludus.pool import PoolConfig, open_pool
 from ludus.session import LaunchOptions
 from ludus.settings.checks import AT_LEAST_1, ONLY_1, optional, setting
@@ -85,7 +86,7 @@ def play_episodes(config: PlayConfig, player: MakePlayer, on_episode: OnEpisode)
     try:
         with open_pool(target, settings) as pool:
             counter = EpisodeCounter(pool.policies, config.num_episodes, on_episode)
-            Play(pool, player(pool), config.seed).run(counter)
+            Play(pool, WatchedPlayer(pool, player(pool)), config.seed).run(counter)
     except EngineCrashed as error:
         if config.is_headless or error.process_exit_code != CLOSED_BY_HAND:
             raise

@@ -16,6 +16,7 @@ from ludus.play.random_actions import RandomActions
 from ludus.pool.interface import Pool
 from ludus.spec import PolicySpec
 from ludus.spec.batch import ActionBatch, Batch, Batches
+from ludus.spec.decision import ActionShape, Decision, describe_outputs
 
 if TYPE_CHECKING:
     from ludus.networks.own_network import MakeNetwork
@@ -79,7 +80,7 @@ def trained_player(
         if name in drawing:
             generator = torch.Generator(policy.device).manual_seed(policy_seed(seed, name))
         players[name] = Player(policy, pool.num_agents(name), generator)
-    return _join(players)
+    return _Team(players)
 
 
 def load_player(
@@ -111,7 +112,7 @@ def load_player(
         policies = load_policies(paths[0], pool.policies, networks)
         return trained_player(policies, pool, seed, stochastic)
     drawing = _drawing(stochastic, pool)
-    return _join({
+    return _Team({
         name: FilePlayer(runner, np.random.default_rng((seed, i)) if name in drawing else None)
         for i, (name, runner) in enumerate(_read_files(paths, pool).items())
     })  # fmt: skip
@@ -122,9 +123,20 @@ class _PolicyPlayer(Protocol):
 
     def act(self, batch: Batch) -> ActionBatch: ...
 
+    def describe(self, slot: int) -> Decision: ...
 
-def _join(players: Mapping[str, _PolicyPlayer]) -> Act:
-    return lambda batches: {name: player.act(batches[name]) for name, player in players.items()}
+
+class _Team:
+    """The players of all policies as one; :class:`~ludus.play.watched.Describes`."""
+
+    def __init__(self, players: Mapping[str, _PolicyPlayer]) -> None:
+        self._players = players
+
+    def __call__(self, batches: Batches) -> Mapping[str, ActionBatch]:
+        return {name: player.act(batches[name]) for name, player in self._players.items()}
+
+    def describe(self, policy: str, slot: int) -> Decision:
+        return self._players[policy].describe(slot)
 
 
 def _drawing(stochastic: Stochastic, pool: Pool) -> Collection[str]:
@@ -182,12 +194,31 @@ class FilePlayer:
         self._runner = runner
         self._generator = generator
         self._memory: NDArray[Any] | None = None
+        self._last: tuple[Batch, NDArray[Any] | None] | None = None
 
     def act(self, batch: Batch) -> ActionBatch:
         """Return the actions on what a batch shows."""
         if self._memory is not None:
             self._memory[batch.final_index] = 0.0
+        self._last = batch, self._memory
         actions, self._memory = self._runner.act(
             batch.observation, batch.action_mask, self._memory, self._generator
         )
         return actions
+
+    def describe(self, slot: int) -> Decision:
+        """Return how probable the actions of a slot were in the last step."""
+        assert self._last is not None
+        batch, memory = self._last
+        row = slice(slot, slot + 1)
+        outputs, _ = self._runner.outputs(
+            {name: array[row] for name, array in batch.observation.items()},
+            None if memory is None else memory[row],
+        )
+        model = self._runner.model
+        distribution = model.distribution
+        shape = ActionShape(
+            distribution.log_std, distribution.log_std_range, distribution.is_squashed
+        )
+        mask = None if batch.action_mask is None else batch.action_mask[slot]
+        return describe_outputs(outputs[0], model.spec, shape, mask)

@@ -21,6 +21,7 @@ from ludus.errors import EngineCrashed, EngineError, EngineTimeout, SetupError
 from ludus.play.episodes import EpisodeCounter
 from ludus.play.players import MakePlayer
 from ludus.play.playing import Play
+from ludus.play.watched import WatchedPlayer
 from ludus.pool import PoolConfig, open_pool
 from ludus.pool.interface import Pool
 from ludus.record.camera import Camera
@@ -28,6 +29,7 @@ from ludus.record.film import Frame
 from ludus.record.screen import screen, variables
 from ludus.record.shot import Shot
 from ludus.session import LaunchOptions
+from ludus.session.opening import DEBUG_VIEW
 from ludus.target import Scene
 
 __all__ = ["film_alone", "film_played", "game_rate"]
@@ -63,12 +65,16 @@ def film_played(scene: Scene, config: PoolConfig, player: MakePlayer, shot: Shot
     """
     engine = _engine_of(scene)
     with _camera(shot) as camera, _hint_at_renderer(engine):
-        launch = LaunchOptions(is_windowed=True, engine_args=_engine_args(engine, shot))
+        launch = LaunchOptions(
+            is_windowed=True,
+            has_debug_view=shot.has_overlay,
+            engine_args=_engine_args(engine, shot),
+        )
         settings = replace(config, is_pinned=False, launch=launch)
         with open_pool(scene, settings) as pool:
             camera.connect(CONNECT_S, lambda: None)
             counter = EpisodeCounter(pool.policies, shot.num_episodes)
-            play = Play(pool, player(pool), shot.seed)
+            play = Play(pool, WatchedPlayer(pool, player(pool)), shot.seed)
             camera.begin()
             play.run(counter, _is_full(camera, pool, shot))
             camera.end()
@@ -85,6 +91,7 @@ def film_alone(scene: Scene, shot: Shot) -> None:
         headless=False,
         fixed_fps=scene.project.ticks_per_second,
         engine_args=_engine_args(engine, shot),
+        user_args=(DEBUG_VIEW,) if shot.has_overlay else (),
     )
     command = godot_command(engine, scene.project.root, scene.path, flags)
     with (

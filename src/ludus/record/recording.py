@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
+from ludus.engine import EngineKind
 from ludus.engine.bevy_build import with_view
 from ludus.errors import ConfigError, TargetError
 from ludus.play.players import MakePlayer, load_player, random_player
@@ -58,6 +59,8 @@ class RecordConfig(GameConfig):
             .gif a third.
         width: Width of the film in pixels; that of the window if not given.
         window: Width and height of the game's window; what the project says if not given.
+        has_overlay: Put over a Godot 4 game what an agent sees, what it decides and how probable
+            that was, and its reward and return as moving lines.
         scene: Scene of the project; if not given, the one that was trained, or the main scene.
         seed: Seed of worlds and samples.
     """
@@ -75,6 +78,7 @@ class RecordConfig(GameConfig):
     frames_per_second: float | None = setting(None, optional(ABOVE_0))
     width: int | None = setting(None, optional(AT_LEAST_1))
     window: tuple[int, int] | None = None
+    has_overlay: bool = False
     seed: int = 0
 
     @property
@@ -126,7 +130,14 @@ def record(config: RecordConfig) -> Recorded:
     _out(config)
     target = parse_target(with_view(config.target), scene=config.scene, godot=config.godot)
     check_accepted("record", target)
-    match prepare(target):
+    game = prepare(target)
+    is_godot4 = isinstance(game, Scene) and game.project.engine_kind is EngineKind.GODOT4
+    if config.has_overlay and not is_godot4:
+        raise TargetError(
+            f"--overlay shows what agents of a Godot 4 project see, which {target.name} is not",
+            hint="leave --overlay out",
+        )
+    match game:
         case Gymnasium() | Legacy() as environment:
             return _record_environment(config, environment)
         case Executable() as game:
@@ -251,6 +262,7 @@ def _film(
             num_skipped=round(config.start * rate),
             seed=config.seed,
             window=config.window,
+            has_overlay=config.has_overlay,
         )
         num_episodes = take(shot)
     return Recorded(out, film.num_frames, rate, num_episodes)

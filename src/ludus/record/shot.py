@@ -26,6 +26,7 @@ class Shot:
         num_skipped: Frames of the film left out at the beginning.
         seed: Of worlds.
         window: Width and height of a Godot game's window, pixels; None: the project's.
+        has_overlay: Whether a Godot 4 game shows what an agent sees and decides.
     """
 
     film: Film
@@ -35,6 +36,7 @@ class Shot:
     num_skipped: int
     seed: int
     window: tuple[int, int] | None = None
+    has_overlay: bool = False
 
     @property
     def is_full(self) -> bool:

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import torch
+from torch import Tensor, nn
+
 from ludus.errors import CheckpointError
+from ludus.networks.normalise import MIN_VARIANCE
 from ludus.networks.own_network import PREFIX, MakeNetwork
 from ludus.networks.policy import Policy
-from ludus.networks.tensors import load_tensors
+from ludus.networks.tensors import load_tensors, with_prefix
 from ludus.runs.checkpoint import Checkpoint, check_spec, checkpoint_errors, read_checkpoint
 from ludus.runs.run_folder import RunFolder
 from ludus.runs.trust import PROGRAM_SETTINGS, require_trust
 from ludus.settings.plain import saved_policy, to_plain
+from ludus.settings.policy_config import PolicyConfig, PPOConfig
 from ludus.settings.train_config import TrainConfig
 from ludus.spec import PolicySpec
 
@@ -115,4 +121,26 @@ def _load(
         )
     policy = Policy(spec, settings, make_network if has_own else None)
     load_tensors(policy, tensors, "policy.")
+    policy.critic = _load_critic(policy, tensors, settings)
     return policy.eval()
+
+
+def _load_critic(
+    policy: Policy, tensors: Mapping[str, Tensor], settings: PolicyConfig
+) -> Callable[[Tensor], float] | None:
+    """Return PPO's critic in the game's own rewards; None where the checkpoint has none."""
+    if not isinstance(settings, PPOConfig) or not with_prefix(tensors, "critic."):
+        return None
+    random_state = torch.get_rng_state()  # what trains meanwhile draws from the same stream
+    network = policy.make_critic(settings)
+    torch.set_rng_state(random_state)
+    load_tensors(network, tensors, "critic.")
+    scale = 1.0
+    if settings.scale_reward:
+        variance = tensors["scaler.statistics.variance"].clamp(min=MIN_VARIANCE)
+        scale = float(variance.sqrt())
+    return partial(_expected_return, network, scale)
+
+
+def _expected_return(network: nn.Module, scale: float, features: Tensor) -> float:
+    return float(network(features)) * scale

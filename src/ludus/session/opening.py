@@ -43,6 +43,8 @@ TOKEN_VARIABLE = "LUDUS_TOKEN"
 
 _DRAW_ONLY_WHEN_ASKED = ("--disable-render-loop", "--resolution", "64x64")
 _MIN_GREETING_S = 1.0
+DEBUG_VIEW = "--ludus-debug-view"
+"""Argument of a game that shows from the start what an agent sees and decides."""
 _FIRST_GODOT_WITH_UNIX = (4, 6)
 _TOKEN_HINT = (
     "put one into a file; start the game with --ludus-token-file=FILE, and Ludus with "
@@ -63,6 +65,7 @@ class LaunchOptions:
         gives_pictures: As ``has_renderer``, and all worlds look as in a window, so that pictures of
             them can be asked for (PROTOCOL.md §8).
         has_controls: Give people who watch keys for pause, single steps and slow motion.
+        has_debug_view: Show what an agent sees and decides from the start, as in a film.
         is_real_time: Run at the speed of the game, not as fast as possible.
         cores: Cores the engine is pinned to; None: the system decides.
         log_path: File for the engine's output.
@@ -78,6 +81,7 @@ class LaunchOptions:
     has_renderer: bool = False
     gives_pictures: bool = False
     has_controls: bool = False
+    has_debug_view: bool = False
     is_real_time: bool = False
     cores: tuple[int, ...] | None = None
     log_path: Path | None = None
@@ -229,6 +233,8 @@ def _command(
         user_args = (*user_args, "--ludus-pictures")
     if options.has_controls:
         user_args = (*user_args, "--ludus-controls")
+    if options.has_debug_view:
+        user_args = (*user_args, DEBUG_VIEW)
     unseen = () if options.is_windowed or not has_renderer else _DRAW_ONLY_WHEN_ASKED
     flags = GodotFlags(
         headless=not has_renderer,

@@ -84,3 +84,10 @@ func _validate_property(property: Dictionary) -> void:
 		hidden = [&"size", &"low", &"high"]
 	if property_name in hidden:
 		property["usage"] = PROPERTY_USAGE_NO_EDITOR
+
+
+## Name, kind and size, for people to read.
+func describe() -> String:
+	if kind == Kind.DISCRETE:
+		return "%s  one of %d" % [name, n]
+	return "%s  float32[%d]  %s to %s" % [name, size, String.num(low, 4), String.num(high, 4)]

@@ -145,3 +145,15 @@ func to_json() -> Dictionary:
 		"low": low if is_finite(low) else null,
 		"high": high if is_finite(high) else null,
 	}
+
+
+## Name, type, shape and bounds, for people to read.
+func describe() -> String:
+	var text := "%s  %s%s" % [name, DTYPE_NAMES[dtype], shape]
+	if dtype == DType.UINT8 and not is_finite(low) and not is_finite(high):
+		return text
+	return text + "  %s to %s" % [_describe_bound(low), _describe_bound(high)]
+
+
+static func _describe_bound(bound: float) -> String:
+	return String.num(bound, 4) if is_finite(bound) else ("-∞" if bound < 0.0 else "∞")

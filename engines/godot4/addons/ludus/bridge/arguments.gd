@@ -26,6 +26,8 @@ var sample_actions: bool = false
 var has_pictures: bool = false
 ## Whether people who watch have keys for pause, single steps and slow motion.
 var has_controls: bool = false
+## Whether people see from the start what an agent sees and decides, as in a film.
+var has_debug_view: bool = false
 ## Whether every episode that ends is told on the standard output.
 var has_report: bool = false
 
@@ -54,6 +56,8 @@ static func read() -> LudusArguments:
 				arguments.has_pictures = true
 			"--ludus-controls":
 				arguments.has_controls = true
+			"--ludus-debug-view":
+				arguments.has_debug_view = true
 			"--ludus-report":
 				arguments.has_report = true
 	if arguments.token.is_empty():

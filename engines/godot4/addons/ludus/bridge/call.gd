@@ -4,6 +4,7 @@ extends RefCounted
 const LudusCeiling := preload("res://addons/ludus/bridge/ceiling.gd")
 const LudusPicture := preload("res://addons/ludus/cameras/picture.gd")
 const LudusGame := preload("res://addons/ludus/world/game.gd")
+const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
 const LudusMetrics := preload("res://addons/ludus/bridge/metrics.gd")
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
@@ -11,6 +12,7 @@ const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 const CEILING_METHOD := "run_ceiling"
 const TAKE_REQUESTS_METHOD := "take_requests"
 const SHOW_STATUS_METHOD := "show_status"
+const SHOW_DECISION_METHOD := "show_decision"
 const STAND_BY_METHOD := "stand_by"
 const PICTURE_METHOD := "picture"
 ## Methods of an agent that Ludus itself calls.
@@ -55,10 +57,14 @@ func answer_for_bridge(requests: LudusRequests, metrics: LudusMetrics) -> Packed
 	var method := _method()
 	if method == TAKE_REQUESTS_METHOD:
 		result["value"] = requests.take() + metrics.take()
-	elif method != SHOW_STATUS_METHOD:
+	elif method not in [SHOW_STATUS_METHOD, SHOW_DECISION_METHOD]:
 		result["error"] = "the add-on has no method %s" % method
 	elif arguments.size() != 1 or arguments[0] is not Dictionary:
 		result["error"] = "%s takes one object" % method
+	elif method == SHOW_DECISION_METHOD:
+		if LudusRegistry.debug_view != null:
+			LudusRegistry.debug_view.take_decision(arguments[0])
+		result["value"] = null
 	else:
 		requests.take_in(arguments[0])
 		result["value"] = true if requests.flags() != 0 else null

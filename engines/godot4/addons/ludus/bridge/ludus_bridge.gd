@@ -100,6 +100,13 @@ static func is_trainable() -> bool:
 	return OS.has_feature("editor") or OS.is_debug_build() or OS.has_feature(TRAINABLE_FEATURE)
 
 
+## Whether people see the game who may see what its agents see.
+func is_watchable() -> bool:
+	var is_drawn := DisplayServer.get_name() != "headless"
+	var is_for_people := _arguments.has_controls or _arguments.has_debug_view
+	return is_drawn and (is_trainable() or is_for_people)
+
+
 func _init() -> void:
 	guided = LudusGuidedTraining.new(_requests)
 	add_child(player)
@@ -123,6 +130,11 @@ func _enter_tree() -> void:
 	if _arguments.has_controls:
 		_controls = LudusPlayControls.new()
 		add_child(_controls)
+	if is_watchable():
+		var view := LudusDebugView.new()
+		add_child(view)
+		if _arguments.has_debug_view:
+			view.show_view()
 
 
 func _exit_tree() -> void:
@@ -218,6 +230,14 @@ func write_policies() -> bool:
 	return _requests.add_guided("write_policies")
 
 
+## Asks the trainer to tell of every decision for an agent, as it is shown; an empty name of a
+## policy ends that. Only of a trainer that plays for people, who started the game.
+func watch_agent(policy: String, slot: int) -> void:
+	var is_for_people := _arguments.has_controls or _arguments.has_debug_view
+	if is_for_people and _requests.refusal.is_empty():
+		_requests.add({"kind": "watch", "policy": policy, "slot": slot})
+
+
 func _repeat(now: int) -> void:
 	_game.repeat_actions()
 	_bridge_us += Time.get_ticks_usec() - now
@@ -266,6 +286,9 @@ func _answer() -> void:
 	frame.encode_u32(16, _engine_us)
 	frame.encode_u32(20, _bridge_us)
 	frame.encode_u32(24, _wait_us)
+	var view := LudusRegistry.shown_debug_view()
+	if view != null:
+		view.take_batch(_game, frame, _batch_flags & LudusWire.FLAG_RESET != 0)
 	frame.encode_u32(28, _batch_flags | _requests.flags())
 	_send(LudusWire.finish(frame))
 
@@ -325,6 +348,9 @@ func _handle_step() -> bool:
 	if not problem.is_empty():
 		_fail("frame", problem)
 		return false
+	var view := LudusRegistry.shown_debug_view()
+	if view != null:
+		view.take_actions(_game, _link.payload)
 	_ticks_left = _game.ticks_per_step
 	if _controls != null:
 		_controls.ticks_per_step = _ticks_left

@@ -49,8 +49,11 @@ func _begin(agent: LudusAgent) -> void:
 func _play(agent: LudusAgent) -> void:
 	if _tick % agent.ticks_per_step == 0:
 		agent.episode_steps += 1
-		agent.target.get_reward()
+		var reward: Variant = agent.target.get_reward()
 		_actions[agent] = agent.target.get_manual_action()
+		var view := LudusRegistry.shown_debug_view()
+		if view != null:
+			view.take_person(agent, _actions[agent], reward)
 		var is_cut := agent.max_episode_steps > 0 and agent.episode_steps > agent.max_episode_steps
 		if agent.target.is_done() or is_cut:
 			_restart(agent)

@@ -7,12 +7,19 @@ static var bridge: LudusBridge
 static var pace: LudusPace
 ## Ticks per second while people watch, see [method LudusPace.watch_at]; 0: the project's.
 static var watched_ticks: int = 0
+## What shows the observations and decisions of an agent; null as long as there is none.
+static var debug_view: LudusDebugView
 ## Agents in the tree, in the order in which they came.
 static var agents: Dictionary[LudusAgent, bool] = {}
 ## Those of them that no batch has taken yet.
 static var newcomers: Dictionary[LudusAgent, bool] = {}
 ## Goes up whenever an agent comes, goes, or is to be played by something else.
 static var num_changes: int = 0
+
+
+## The debug view while it is shown; null otherwise.
+static func shown_debug_view() -> LudusDebugView:
+	return debug_view if debug_view != null and debug_view.visible else null
 
 
 ## Notes that an agent has entered the tree.

@@ -58,9 +58,14 @@ func advance() -> void:
 	for group: LudusPolicyGroup in _groups:
 		if _is_due(group):
 			_end_episodes(group)
+	var view := LudusRegistry.shown_debug_view()
+	if view != null:
+		view.follow_groups(_groups)
 	for group: LudusPolicyGroup in _groups:
 		if _is_due(group):
 			group.act(_tick)
+			if view != null:
+				view.take_group(group)
 			_report_mistake(group)
 	_tick += 1
 

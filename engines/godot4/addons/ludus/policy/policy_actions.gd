@@ -63,6 +63,54 @@ func choose(
 	_choose_numbers(outputs, logit, slot, rng)
 
 
+## What was chosen for one slot, and how probable that was: [code]choices[/code],
+## [code]numbers[/code], the [code]probabilities[/code] of all alternatives, and
+## [code]means[/code] and [code]deviations[/code] of the numbers, within their bounds. Arguments as
+## of [method choose]. A deviation is half of the way between what lies one deviation below the mean
+## and one above.
+func describe(
+	outputs: PackedFloat32Array, from: int, slot: int, masks: PackedByteArray
+) -> Dictionary:
+	var size := _low.size()
+	var means: PackedFloat32Array = []
+	var deviations: PackedFloat32Array = []
+	for i: int in size:
+		var at := from + num_logits + i
+		var deviation := _deviation(outputs, at + size, i)
+		means.append(_stretch(outputs[at], i))
+		var spread := _stretch(outputs[at] + deviation, i) - _stretch(outputs[at] - deviation, i)
+		deviations.append(spread / 2.0)
+	return {
+		"choices": discrete.slice(slot * _nvec.size(), (slot + 1) * _nvec.size()),
+		"numbers": continuous.slice(slot * size, (slot + 1) * size),
+		"probabilities": _probabilities(outputs, from, slot, masks),
+		"means": means,
+		"deviations": deviations,
+	}
+
+
+## The softmax of the logits of each choice, 0 for what is not allowed.
+func _probabilities(
+	outputs: PackedFloat32Array, from: int, slot: int, masks: PackedByteArray
+) -> PackedFloat32Array:
+	var probabilities: PackedFloat32Array = []
+	var allowed := slot * num_logits if not masks.is_empty() else -1
+	for n: int in _nvec:
+		var highest := outputs[from + _best(outputs, from, n, masks, allowed)]
+		var total := 0.0
+		var weights: PackedFloat32Array = []
+		for i: int in n:
+			var is_allowed := allowed < 0 or masks[allowed + i] != 0
+			weights.append(exp(outputs[from + i] - highest) if is_allowed else 0.0)
+			total += weights[i]
+		for weight: float in weights:
+			probabilities.append(weight / total)
+		from += n
+		if allowed >= 0:
+			allowed += n
+	return probabilities
+
+
 ## The largest logit that is allowed; the first of equal ones.
 static func _best(
 	outputs: PackedFloat32Array, from: int, n: int, masks: PackedByteArray, allowed: int
@@ -108,9 +156,14 @@ func _choose_numbers(
 		var value := outputs[from + i]
 		if rng != null:
 			value = rng.randfn(value, _deviation(outputs, from + size + i, i))
-		value = tanh(value) if _is_squashed else clampf(value, -1.0, 1.0)
-		value = _low[i] + (_high[i] - _low[i]) * (value * 0.5 + 0.5)
-		continuous[slot * size + i] = clampf(value, _low[i], _high[i])
+		continuous[slot * size + i] = _stretch(value, i)
+
+
+## Brings what the network means into the bounds of a number.
+func _stretch(value: float, i: int) -> float:
+	value = tanh(value) if _is_squashed else clampf(value, -1.0, 1.0)
+	value = _low[i] + (_high[i] - _low[i]) * (value * 0.5 + 0.5)
+	return clampf(value, _low[i], _high[i])
 
 
 func _deviation(outputs: PackedFloat32Array, index: int, i: int) -> float:

@@ -30,6 +30,9 @@ var _active_slots: PackedInt32Array = []
 var _vector_entries: PackedInt32Array = []
 var _image_entries: PackedInt32Array = []
 var _starts: PackedInt32Array = []
+## What all slots observed last, and what they were allowed to do.
+var _observed := PackedByteArray()
+var _masks := PackedByteArray()
 
 
 ## Begins with the declarations of an agent, which [method LudusPolicy.incompatibility] has found
@@ -133,31 +136,43 @@ func act(tick: int) -> void:
 			_active_slots.append(slot)
 	if _active_slots.is_empty():
 		return
-	var masks := PackedByteArray()
+	_masks.clear()
 	if batch.layout.has_action_mask:
-		batch.append_masks(masks)
+		batch.append_masks(_masks)
 	_observe()
 	for row: int in _active_slots.size():
 		var slot := _active_slots[row]
 		var rng := _generators[slot] if batch.agents[slot].sample_actions else null
-		_actions.choose(_network.outputs, row * _network.num_outputs, slot, masks, rng)
+		_actions.choose(_network.outputs, row * _network.num_outputs, slot, _masks, rng)
 	batch.set_actions(_actions.discrete, _actions.continuous)
 
 
+## What a slot observed last, of one entry of the layout.
+func entry_bytes(i: int, slot: int) -> PackedByteArray:
+	var size := batch.layout.entries[i].num_bytes()
+	return _observed.slice(_starts[i] + slot * size, _starts[i] + (slot + 1) * size)
+
+
+## What a slot has just decided, and how probable that was: see [LudusWatchedAgent]. Call it right
+## after [method act], as other groups may use the same network.
+func describe_decision(slot: int) -> Dictionary:
+	var from := _active_slots.find(slot) * _network.num_outputs
+	return _actions.describe(_network.outputs, from, slot, _masks)
+
+
 func _observe() -> void:
-	var bytes := PackedByteArray()
-	batch.append_observations(bytes)
+	_observed.clear()
+	batch.append_observations(_observed)
 	var vectors: Array[PackedFloat32Array] = []
 	for i: int in _vector_entries:
-		vectors.append(_floats(bytes, i))
+		vectors.append(_floats(_slice(i), i))
 	var images: Array[PackedByteArray] = []
 	for i: int in _image_entries:
-		images.append(_slice(bytes, i))
+		images.append(_slice(i))
 	_network.run(_active_slots, vectors, images, _states)
 
 
-func _floats(bytes: PackedByteArray, i: int) -> PackedFloat32Array:
-	var part := _slice(bytes, i)
+func _floats(part: PackedByteArray, i: int) -> PackedFloat32Array:
 	match batch.layout.entries[i].dtype:
 		LudusObservationEntry.DType.UINT8:
 			return PackedFloat32Array(Array(part))
@@ -166,9 +181,9 @@ func _floats(bytes: PackedByteArray, i: int) -> PackedFloat32Array:
 	return part.to_float32_array()
 
 
-func _slice(bytes: PackedByteArray, i: int) -> PackedByteArray:
+func _slice(i: int) -> PackedByteArray:
 	var num_bytes := batch.layout.entries[i].num_bytes() * batch.agents.size()
-	return bytes.slice(_starts[i], _starts[i] + num_bytes)
+	return _observed.slice(_starts[i], _starts[i] + num_bytes)
 
 
 func _find_entry(entry_name: String) -> int:

@@ -44,6 +44,13 @@ func _enter_tree() -> void:
 	_is_drawn = Engine.is_editor_hint() or get_tree().debug_collisions_hint
 
 
+## Draws the sensor in the running game, as the editor does, or no longer. Its subclass draws what
+## it sees when it is asked next.
+func draw_in_game(is_wanted: bool) -> void:
+	_is_drawn = is_wanted or (is_inside_tree() and get_tree().debug_collisions_hint)
+	queue_redraw()
+
+
 ## How many numbers [method sense] returns.
 func count_values() -> int:
 	return 0

@@ -17,6 +17,14 @@ static func find_sensors(agent: LudusAgent, target: Object) -> Array[Node]:
 	return found
 
 
+## Sensors of an agent, those that are no entries included; no cameras.
+static func find_all_sensors(agent: LudusAgent) -> Array[Node]:
+	var found: Array[Node] = []
+	if agent.target is Node:
+		_gather(agent.target as Node, agent, false, found, true)
+	return found
+
+
 ## The entry of a sensor or camera.
 static func entry_of(sensor: Node) -> LudusObservationEntry:
 	var entry: LudusObservationEntry
@@ -69,15 +77,17 @@ func _look(i: int) -> Variant:
 	return sensor.sense() if sensor.has_method(&"sense") else sensor.call(&"get_image")
 
 
-static func _gather(node: Node, agent: LudusAgent, has_cameras: bool, found: Array[Node]) -> void:
+static func _gather(
+	node: Node, agent: LudusAgent, has_cameras: bool, found: Array[Node], has_hidden: bool = false
+) -> void:
 	for child: Node in node.get_children():
 		if child is LudusSensor2D or child is LudusSensor3D:
-			if child.get(&"is_entry"):
+			if has_hidden or child.get(&"is_entry"):
 				found.append(child)
 		elif has_cameras and (child is LudusCamera2D or child is LudusCamera3D):
 			found.append(child)
 		if not _is_another(child, agent):
-			_gather(child, agent, has_cameras, found)
+			_gather(child, agent, has_cameras, found, has_hidden)
 
 
 ## Whether a node below that of an agent is another agent's.

@@ -19,16 +19,21 @@ const USUAL_KEYS: Dictionary[StringName, Key] = {
 var _training: LudusTraining
 
 
-## Adds the actions that the project does not have, and gives those in [param chosen] their key.
-static func add_actions(chosen: Dictionary[StringName, InputEventKey]) -> void:
-	for action: StringName in USUAL_KEYS:
+## Adds those of the actions [param usual] that the project does not have, and gives those in
+## [param chosen] their key.
+static func add_actions(
+	chosen: Dictionary[StringName, InputEventKey],
+	usual: Dictionary[StringName, Key] = USUAL_KEYS,
+	is_shifted: bool = true
+) -> void:
+	for action: StringName in usual:
 		var event: InputEventKey = chosen.get(action)
 		if event == null and InputMap.has_action(action):
 			continue
 		if event == null:
 			event = InputEventKey.new()
-			event.keycode = USUAL_KEYS[action]
-			event.shift_pressed = true
+			event.keycode = usual[action]
+			event.shift_pressed = is_shifted
 		if not InputMap.has_action(action):
 			InputMap.add_action(action)
 		InputMap.action_erase_events(action)
