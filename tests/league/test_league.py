@@ -9,8 +9,9 @@ import pytest
 import torch
 
 from ludus.errors import ConfigError
-from ludus.league.league import LIVE, League
+from ludus.league.league import League
 from ludus.league.matches import MatchTracker, Teams, expected_score, score
+from ludus.league.seats import LIVE, Seats
 from ludus.networks.policy import Policy
 from ludus.settings.train_config import LeagueConfig, PPOConfig
 from ludus.spec import AgentSpec, DiscreteAction, ObservationEntry, PolicySpec
@@ -45,16 +46,34 @@ def batches(specs: dict[str, PolicySpec], **columns: dict[str, Any]) -> Batches:
     return result
 
 
-def league(specs: dict[str, PolicySpec], **settings: Any) -> League:
+class Duel:
+    """A league and the seats of one engine, as a run on one machine has them."""
+
+    def __init__(self, league: League, seats: Seats, policies: dict[str, Policy]) -> None:
+        self.league = league
+        self.seats = seats
+        self.policies = policies
+
+    def advance(self, updates: int) -> None:
+        self.league.advance(updates, {name: self.seats.playing(name) for name in self.policies})
+        self.seats.advance(updates)
+
+    def record(self, batches: Batches) -> None:
+        self.league.rate(self.seats.record(0, batches))
+
+    def slots(self, name: str) -> Any:
+        return self.seats._slots[0][name]  # pyright: ignore[reportPrivateUsage]
+
+
+def league(specs: dict[str, PolicySpec], **settings: Any) -> Duel:
     with torch.random.fork_rng(devices=[]):  # pyright: ignore[reportUnknownMemberType]
         torch.manual_seed(0)  # pyright: ignore[reportUnknownMemberType]
         policies = {name: Policy(of, CONFIG) for name, of in specs.items()}
     config: dict[str, Any] = {"share": 1.0, **settings}
-    return League(LeagueConfig(**config), specs, policies, 1, seed=5)
-
-
-def slots(one: League, name: str) -> Any:
-    return one._slots[0][name]  # pyright: ignore[reportPrivateUsage]
+    made = LeagueConfig(**config)
+    one = League(made, specs, policies, seed=5)
+    seats = Seats(one, policies, specs, share=made.share, num_engines=1, seed=5)
+    return Duel(one, seats, policies)
 
 
 def test_expected_scores() -> None:
@@ -106,8 +125,8 @@ def test_games_without_two_teams_are_refused(specs: dict[str, PolicySpec], text:
 def test_one_team_of_every_world_learns_and_the_other_is_of_the_past() -> None:
     one = league(DUEL)
     one.advance(0)
-    one.begin(0, batches(DUEL))
-    hero, foe = slots(one, "hero"), slots(one, "foe")
+    one.seats.begin(0, batches(DUEL))
+    hero, foe = one.slots("hero"), one.slots("foe")
     assert ((hero == LIVE) != (foe == LIVE)).all()
     assert {LIVE, 0} == set(hero.tolist()) == set(foe.tolist())
 
@@ -115,21 +134,21 @@ def test_one_team_of_every_world_learns_and_the_other_is_of_the_past() -> None:
 def test_agents_of_one_policy_play_against_their_past() -> None:
     one = league(MIRROR)
     one.advance(0)
-    one.begin(0, batches(MIRROR))
-    pairs = slots(one, "twin").reshape(WORLDS, 2)
+    one.seats.begin(0, batches(MIRROR))
+    pairs = one.slots("twin").reshape(WORLDS, 2)
     assert (np.sort(pairs, axis=1) == [LIVE, 0]).all()
 
 
 def test_only_a_team_that_learns_meets_the_past() -> None:
     one = league(DUEL)
     one.advance(0)
-    one.learning = frozenset({"foe"})
-    one.begin(0, batches(DUEL))
-    assert (slots(one, "hero") == 0).all()
-    assert (slots(one, "foe") == LIVE).all()
-    one.learning = frozenset()
-    one.begin(0, batches(DUEL))
-    assert (slots(one, "hero") == LIVE).all()
+    one.league.learning = frozenset({"foe"})
+    one.seats.begin(0, batches(DUEL))
+    assert (one.slots("hero") == 0).all()
+    assert (one.slots("foe") == LIVE).all()
+    one.league.learning = frozenset()
+    one.seats.begin(0, batches(DUEL))
+    assert (one.slots("hero") == LIVE).all()
 
 
 def test_a_share_of_zero_and_a_half() -> None:
@@ -138,63 +157,65 @@ def test_a_share_of_zero_and_a_half() -> None:
         one.advance(0)
         count = 0
         for _ in range(100):
-            one.begin(0, batches(DUEL))
-            count += sum(int((slots(one, name) != LIVE).sum()) for name in DUEL)
+            one.seats.begin(0, batches(DUEL))
+            count += sum(int((one.slots(name) != LIVE).sum()) for name in DUEL)
         assert count == pytest.approx(expected, abs=60)
 
 
 def test_past_selves_act_as_they_did() -> None:
     one = league(DUEL)
     one.advance(0)
-    one.learning = frozenset({"foe"})
-    live = one._policies["hero"]  # pyright: ignore[reportPrivateUsage]
+    one.league.learning = frozenset({"foe"})
+    live = one.policies["hero"]
     with torch.no_grad():  # the hero of the past always does 2, today's always 3
         live.actor[-1].weight.zero_()  # pyright: ignore
         live.actor[-1].bias.copy_(torch.tensor([0.0, 0.0, 100.0, 0.0]))  # pyright: ignore
     one.advance(20)
     with torch.no_grad():
         live.actor[-1].bias.copy_(torch.tensor([0.0, 0.0, 0.0, 100.0]))  # pyright: ignore
-    one.pools["hero"] = one.pools["hero"][1:]
-    one._opponents["hero"] = [20]  # pyright: ignore[reportPrivateUsage]
+    one.league.pools["hero"] = one.league.pools["hero"][1:]
+    one.league.opponents = {**one.league.opponents, "hero": [20]}
     first = batches(DUEL)
-    one.begin(0, first)
+    one.seats.begin(0, first)
     given = ActionBatch.zeros(DUEL["hero"], WORLDS)
-    result = one.replace_actions(0, "hero", first["hero"], given)
+    result = one.seats.replace_actions(0, "hero", first["hero"], given)
     assert (result.discrete == 2).all()
     assert (given.discrete == 0).all()
-    assert one.replace_actions(0, "foe", first["foe"], given) is given
+    assert one.seats.replace_actions(0, "foe", first["foe"], given) is given
 
 
 def test_winning_moves_ratings_and_draws_anew() -> None:
     one = league(DUEL, elo_factor=10.0)
     one.advance(0)
-    one.learning = frozenset({"hero"})
-    one.begin(0, batches(DUEL))
+    one.league.learning = frozenset({"hero"})
+    one.seats.begin(0, batches(DUEL))
     over = np.zeros(WORLDS, np.bool_)
     over[3] = True
     ends = {"terminated": dict.fromkeys(DUEL, over)}
-    one.record(0, batches(DUEL, reward={"hero": 1.0, "foe": -1.0}, **ends))
-    assert one.ratings == {"hero": 1005.0, "foe": 1000.0}
-    assert one.pools["foe"][0].rating == 995.0
-    one.record(0, batches(DUEL, **ends))  # a draw moves the better one down a little
-    assert one.ratings["hero"] < 1005.0
-    assert one.ratings["hero"] + one.pools["foe"][0].rating == pytest.approx(2000.0)
+    one.record(batches(DUEL, reward={"hero": 1.0, "foe": -1.0}, **ends))
+    assert one.league.ratings == {"hero": 1005.0, "foe": 1000.0}
+    assert one.league.pools["foe"][0].rating == 995.0
+    one.record(batches(DUEL, **ends))  # a draw moves the better one down a little
+    assert one.league.ratings["hero"] < 1005.0
+    assert one.league.ratings["hero"] + one.league.pools["foe"][0].rating == pytest.approx(2000.0)
 
 
 def test_the_pool_keeps_the_newest_and_those_that_play() -> None:
     one = league(DUEL, pool_size=2, max_opponents=1, snapshot_every_updates=10)
-    one.learning = frozenset({"hero"})
+    one.league.learning = frozenset({"hero"})
     one.advance(0)
-    one.begin(0, batches(DUEL))
-    assert set(slots(one, "foe").tolist()) == {0}
+    one.seats.begin(0, batches(DUEL))
+    assert set(one.slots("foe").tolist()) == {0}
     for updates in (5, 10, 15, 20, 30):
         one.advance(updates)
-    assert [past.number for past in one.pools["hero"]] == [20, 30]
-    assert [past.number for past in one.pools["foe"]] == [0, 20, 30]
-    one.replace_actions(0, "foe", batches(DUEL)["foe"], ActionBatch.zeros(DUEL["foe"], WORLDS))
-    one.begin(0, batches(DUEL))
+    assert [past.number for past in one.league.pools["hero"]] == [20, 30]
+    assert [past.number for past in one.league.pools["foe"]] == [0, 20, 30]
+    given = ActionBatch.zeros(DUEL["foe"], WORLDS)
+    one.seats.replace_actions(0, "foe", batches(DUEL)["foe"], given)
+    one.league.opponents = {**one.league.opponents, "foe": [30]}
+    one.seats.begin(0, batches(DUEL))
     one.advance(40)
-    assert 0 not in [past.number for past in one.pools["foe"]]
+    assert 0 not in [past.number for past in one.league.pools["foe"]]
 
 
 @pytest.mark.parametrize(("sampling", "best"), [("recent", 90), ("rating", 30), ("uniform", None)])
@@ -202,11 +223,11 @@ def test_opponents_are_sampled_as_configured(sampling: Any, best: int | None) ->
     one = league(DUEL, sampling=sampling, max_opponents=1, snapshot_every_updates=10)
     for updates in range(0, 100, 10):
         one.advance(updates)
-    for past in one.pools["foe"]:
+    for past in one.league.pools["foe"]:
         past.rating = 1000.0 + 20.0 * (past.number - 30)
     counts = dict.fromkeys(range(0, 100, 10), 0)
     for _ in range(600):
-        (number,) = one._choose("foe")  # pyright: ignore[reportPrivateUsage]
+        (number,) = one.league._choose("foe")  # pyright: ignore[reportPrivateUsage]
         counts[number] += 1
     if best is None:
         assert min(counts.values()) > 30
@@ -220,18 +241,19 @@ def test_a_restored_league_continues_to_the_bit() -> None:
     over = {"terminated": dict.fromkeys(DUEL, np.ones(WORLDS, np.bool_))}
     for updates in (0, 20, 40):
         first.advance(updates)
-        first.begin(0, batches(DUEL))
-        first.record(0, batches(DUEL, reward={"hero": 1.0}, **over))
-    tensors, values = first.state()
-    second.load_state(tensors, values)
+        first.seats.begin(0, batches(DUEL))
+        first.record(batches(DUEL, reward={"hero": 1.0}, **over))
+    tensors, values = first.league.state()
+    second.league.load_state(tensors, values)
     for one in (first, second):
-        one.begin(0, batches(DUEL))
-        one.record(0, batches(DUEL, **over))
+        one.seats.advance(40)  # as a run does before it resets the worlds
+        one.seats.begin(0, batches(DUEL))
+        one.record(batches(DUEL, **over))
         one.advance(60)
-        one.begin(0, batches(DUEL))
-    assert first.ratings == second.ratings
+        one.seats.begin(0, batches(DUEL))
+    assert first.league.ratings == second.league.ratings
     for name in DUEL:
-        assert slots(first, name).tolist() == slots(second, name).tolist()
-    one, two = first.state()[0], second.state()[0]
+        assert first.slots(name).tolist() == second.slots(name).tolist()
+    one, two = first.league.state()[0], second.league.state()[0]
     assert one.keys() == two.keys()
     assert all(torch.equal(one[name], two[name]) for name in one)

@@ -17,10 +17,11 @@ import pytest
 
 import ludus
 from ludus.runs.metrics import read_metrics
-from ludus.settings.train_config import PPOConfig, TrainConfig
+from ludus.settings.train_config import LeagueConfig, PPOConfig, TrainConfig
 from ludus.training.hooks import Training
 from ludus.training.loop import train
-from tests.training.test_on_engine import SAC_IN_SCENE, pennies
+from tests.godot.test_strangers import listening
+from tests.training.test_on_engine import SAC_IN_SCENE, Stopping, pennies
 from tests.workers.machines import assert_equal, newest
 from tests.workers.test_process import nothing_left, workers
 
@@ -40,6 +41,44 @@ def test_two_policies_that_take_turns_learn_the_same(pennies: Any) -> None:
              for line in read_metrics(second.path / "metrics.jsonl")]  # fmt: skip
     assert [1.0, 0.0] in modes
     assert [0.0, 1.0] in modes
+
+
+def test_self_play_against_past_selves_is_the_same_on_workers(pennies: Any) -> None:
+    """Who meets whom, ratings, past selves and what is learnt from them; one learner is SAC's."""
+    league = LeagueConfig(share=0.5, snapshot_every_updates=2, pool_size=2, sampling="rating")
+    alone = pennies(SAC_IN_SCENE, num_engines=4, league=league, alternate_every=3,
+                    total_steps=6400, evaluation_episodes=4)  # fmt: skip
+    first = newest(train(alone).path)
+    for cluster, engines in (("local:2", 2), ("local:4", 1)):
+        spread = train(replace(alone, num_engines=engines, cluster=cluster, name=cluster))
+        assert_equal(first, newest(spread.path))
+    assert first.run["updates"] >= 8
+    assert len(set(first.run["league"]["ratings"].values())) == 2
+
+
+def test_a_resumed_league_goes_on_in_another_layout_to_the_bit(pennies: Any) -> None:
+    league = LeagueConfig(share=0.5, snapshot_every_updates=2)
+    whole = pennies(num_engines=2, league=league, exact_resume=True, total_steps=10**9,
+                    checkpoint_every_updates=2, name="whole")  # fmt: skip
+    train(whole, reporter=Stopping(8))
+    spread = replace(whole, num_engines=1, cluster="local:2", name="half")
+    half = train(spread, reporter=Stopping(4))
+    train(replace(whole, name="half"), resume=half.path, reporter=Stopping(4))
+    assert_equal(newest(whole.runs / "whole"), newest(half.path))
+
+
+def test_each_worker_plays_a_game_that_runs_already(tmp_path: Path) -> None:
+    with listening("cartpole") as (_, first), listening("cartpole") as (_, second):
+        run = ludus.train(
+            f"127.0.0.1:{first},127.0.0.1:{second}", cluster="local:2", num_engines=1,
+            num_worlds=4, total_steps=1024, seed=5, runs=tmp_path, evaluation_episodes=4,
+            progress=False,
+        )  # fmt: skip
+    alone = ludus.train(
+        "cartpole", num_engines=2, num_worlds=4, total_steps=1024, seed=5, runs=tmp_path,
+        evaluation_episodes=4, progress=False,
+    )  # fmt: skip
+    assert run.evaluation == alone.evaluation
 
 
 def test_a_killed_game_is_replaced_by_its_worker(tmp_path: Path) -> None:

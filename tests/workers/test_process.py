@@ -14,7 +14,7 @@ import pytest
 
 import ludus
 from ludus.errors import ConfigError, MachineLost, TargetError, UsageError
-from ludus.settings.train_config import LeagueConfig, PPOConfig
+from ludus.settings.train_config import PPOConfig
 from ludus.training.hooks import Training
 from ludus.training.loop import train
 from ludus.workers import process
@@ -105,10 +105,12 @@ def test_what_a_cluster_cannot_do_is_refused(tmp_path: Path) -> None:
     settings = config("ppo", tmp_path, "local:2")
     with pytest.raises(UsageError, match="networks of a script"):
         ludus.train(settings, networks={"agent": make})
-    with pytest.raises(ConfigError, match="self-play against past selves"):
-        train(config("ppo", tmp_path, "local:2", league=LeagueConfig(share=0.5)))
-    with pytest.raises(ConfigError, match="one game that is running already"):
+    with pytest.raises(ConfigError, match="names 1 running games, and there are 2 workers"):
         ludus.train("localhost:11008", cluster="local:2", runs=tmp_path)
+    with pytest.raises(ConfigError, match="play waits for one game, and a cluster has many"):
+        ludus.train("play", cluster="local:2", runs=tmp_path)
+    with pytest.raises(TargetError, match="several games, and each needs a worker of its own"):
+        ludus.train("localhost:11008,localhost:11009", runs=tmp_path)
     with pytest.raises(ConfigError, match=re.escape("cluster must be local:N")):
         ludus.train("cartpole", cluster="local:0", runs=tmp_path)
     assert list(tmp_path.iterdir()) == []

@@ -46,6 +46,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "serve": ("ludus.cli.serve", "wait for games, and train them as they ask"),
     "bench": ("ludus.cli.bench", "measure how fast a game steps, and where the time goes"),
     "check": ("ludus.cli.check", "check that a game behaves as an environment"),
+    "cluster": ("ludus.cli.cluster", "check the machines of a Ray cluster"),
     "engine": ("ludus.cli.engine", "install, list and examine game engines"),
     "addon": ("ludus.cli.addon", "copy the Ludus add-on into a game"),
 }

@@ -10,7 +10,7 @@ import torch
 
 from ludus.algorithms.learners import policy_seed
 from ludus.algorithms.recorder import stream_seed
-from ludus.league.league import League
+from ludus.league.seats import Seats
 from ludus.networks.policy import Player, Policy
 from ludus.settings.policy_config import Mode
 from ludus.spec.batch import ActionBatch, Batch
@@ -64,7 +64,7 @@ class PolicySlot:
         learner: Trains the policy.
         engine_slots: Slots of the policy in each engine.
         seed: Of the actions in mode ``frozen``.
-        league: None without self-play.
+        seats: None without self-play.
         first_engine: Number of the first engine among those of all machines.
     """
 
@@ -73,11 +73,11 @@ class PolicySlot:
         learner: Plays,
         engine_slots: list[int],
         seed: int,
-        league: League | None = None,
+        seats: Seats | None = None,
         first_engine: int = 0,
     ) -> None:
         self.learner = learner
-        self._league = league
+        self._seats = seats
         self._engine_slots = engine_slots
         self._mode: Mode = "train"
         self._seed = seed
@@ -149,9 +149,9 @@ class PolicySlot:
             actions = self.learner.act(engine)
         else:
             actions = self._players[engine].act(batch)
-        if self._league is None:
+        if self._seats is None:
             return actions
-        return self._league.replace_actions(engine, self.name, batch, actions)
+        return self._seats.replace_actions(engine, self.name, batch, actions)
 
     def record(self, engine: int, batch: Batch) -> Batch:
         """Take the outcome of the last actions, and what to act on next; returns as ``begin``."""
@@ -175,7 +175,7 @@ class PolicySlot:
         self.set_mode(state["mode"])
 
     def _take(self, engine: int, batch: Batch) -> Batch:
-        if self._league is not None:
-            batch = replace(batch, active=batch.active & self._league.is_live(engine, self.name))
+        if self._seats is not None:
+            batch = replace(batch, active=batch.active & self._seats.is_live(engine, self.name))
         self._batches[engine] = batch
         return batch

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from ludus.algorithms.learners import policy_seed
 from ludus.errors import RunError
-from ludus.league.league import act_for
 from ludus.league.matches import MatchTracker, Teams, score
 from ludus.league.players import LeaguePlayer, LeaguePlayers
+from ludus.league.seats import act_for
 from ludus.networks.policy import Player, Policy
 from ludus.networks.tensors import load_tensors
 from ludus.pool.interface import Pool

@@ -16,7 +16,13 @@ from ludus.target.kinds import (
     Target,
     prepare,
 )
-from ludus.target.parsing import GYMNASIUM_PREFIX, LEGACY_PREFIXES, find_run, parse_target
+from ludus.target.parsing import (
+    GYMNASIUM_PREFIX,
+    LEGACY_PREFIXES,
+    find_run,
+    parse_target,
+    split_addresses,
+)
 
 __all__ = [
     "COMMANDS",
@@ -39,4 +45,5 @@ __all__ = [
     "find_run",
     "parse_target",
     "prepare",
+    "split_addresses",
 ]

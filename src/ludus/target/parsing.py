@@ -25,7 +25,7 @@ from ludus.target.kinds import (
     Target,
 )
 
-__all__ = ["GYMNASIUM_PREFIX", "LEGACY_PREFIXES", "find_run", "parse_target"]
+__all__ = ["GYMNASIUM_PREFIX", "LEGACY_PREFIXES", "find_run", "parse_target", "split_addresses"]
 
 GYMNASIUM_PREFIX = "gym:"
 LEGACY_PREFIXES = ("godot_gym_api:", "gdrl:", "gymgodot:", "http://")
@@ -61,6 +61,11 @@ def parse_target(
             return _parse_project(path, scene, engine)
         parsed = find_run(path) or _parse_file(path)
     parsed = parsed or _parse_address(text)
+    if parsed is None and split_addresses(text):
+        raise TargetError(
+            f"{text} names several games, and each needs a worker of its own",
+            "ludus train with --cluster local:N plays N running games",
+        )
     if parsed is None:
         raise _unknown(text)
     if not isinstance(parsed, Legacy):  # whose bridge refuses more settings than this one
@@ -143,6 +148,12 @@ def _parse_address(text: str) -> Address | None:
     if not 1 <= port <= 65535:
         raise TargetError(f"{text}: port {port} is not between 1 and 65535")
     return Address(match["v6"] or match["host"], port)
+
+
+def split_addresses(target: str) -> list[str]:
+    """Return the parts of ``HOST:PORT,HOST:PORT``; of any other target, nothing."""
+    parts = target.split(",")
+    return parts if all(_ADDRESS.match(part) for part in parts) else []
 
 
 def _unknown(text: str) -> TargetError:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import io
+import statistics
 import sys
 import time
 from collections import deque
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -24,9 +25,14 @@ from ludus.settings.train_config import TrainConfig
 from ludus.training.figures import CURVE_WIDTH, clock, sparkline
 from ludus.training.progress import Progress, RunResult, SilentReporter
 
+if TYPE_CHECKING:
+    from ludus.workers.interface import MachineState
+
 __all__ = ["TerminalReporter", "evaluation_table", "reporter_for", "reporter_for_script"]
 
 REFRESH_S, LINE_EVERY_S = 0.25, 2.0
+SLOW = 1.5
+"""A machine that takes this many times as long as most is named."""
 NOTEBOOK_WIDTH = 100
 """Characters."""
 ENDINGS: dict[StopReason, str] = {
@@ -97,6 +103,8 @@ class TerminalReporter:
         share = self._share(progress)
         table = Table.grid(padding=(0, 2))
         table.add_row(ProgressBar(1.0, share, width=CURVE_WIDTH), progress_head(progress, share))
+        if progress.machines:
+            table.add_row("", Text(machines_text(progress.machines)))
         for name, metrics in progress.policies.items():
             curve = self._curves.get(name, Curve())
             text = policy_text(name, metrics, progress.modes.get(name, "train"))
@@ -200,7 +208,21 @@ def progress_line(progress: Progress, share: float) -> str:
         policy_text(name, metrics, progress.modes.get(name, "train"))
         for name, metrics in progress.policies.items()
     )
-    return "  ".join([progress_head(progress, share), *policies])
+    machines = [machines_text(progress.machines)] if progress.machines else []
+    return "  ".join([progress_head(progress, share), *machines, *policies])
+
+
+def machines_text(machines: Sequence[MachineState]) -> str:
+    """Return how many machines play, which is slow, and which are lost."""
+    playing = [machine for machine in machines if not machine.is_lost]
+    engines = sum(machine.num_engines for machine in playing)
+    text = f"{len(playing)} of {len(machines)} machines play, {engines} engines"
+    usual_s = statistics.median_low([machine.play_s for machine in playing] or [0.0])
+    slowest = max(playing, key=lambda machine: machine.play_s, default=None)
+    if slowest is not None and slowest.play_s > SLOW * usual_s:
+        text += f"; slow: {slowest.name}, {slowest.play_s / max(usual_s, 1e-9):.1f} × the others"
+    lost = [machine.name for machine in machines if machine.is_lost]
+    return text + (f"; lost: {', '.join(lost)}" if lost else "")
 
 
 def summary_table(result: RunResult) -> Table:

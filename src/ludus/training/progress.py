@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from ludus.play.evaluation import Evaluation
 from ludus.runs.run_list import StopReason
 from ludus.settings.policy_config import Mode
 from ludus.settings.train_config import TrainConfig
+
+if TYPE_CHECKING:
+    from ludus.workers.interface import MachineState
 
 __all__ = ["Progress", "Reporter", "RunResult", "SilentReporter"]
 
@@ -28,6 +31,7 @@ class Progress:
         policies: Metrics of each policy.
         restarts: Engines restarted so far.
         modes: Mode of each policy.
+        machines: How the machines of a cluster do; none without one.
     """
 
     agent_steps: int
@@ -38,6 +42,7 @@ class Progress:
     policies: Mapping[str, Mapping[str, float]]
     restarts: int = 0
     modes: Mapping[str, Mode] = field(default_factory=dict[str, Mode])
+    machines: Sequence[MachineState] = ()
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,13 @@ import numpy as np
 from torch import Tensor
 
 from ludus.algorithms.learner import Learner
-from ludus.algorithms.learners import policy_seed
 from ludus.algorithms.ppo import PPO
 from ludus.algorithms.sac import SAC
 from ludus.curriculum.lessons import Lessons
 from ludus.errors import DivergenceError, RunError
 from ludus.league.league import League
 from ludus.league.policy_slot import PolicySlot, frozen_seed
+from ludus.league.seats import Seats, league_seed
 from ludus.networks.policy import Policy
 from ludus.play.episodes import EpisodeTracker
 from ludus.pool.interface import Pool
@@ -93,8 +93,7 @@ class Trainer:
         }
         policies = {name: learner.policy for name, learner in learners.items()}
         self._league = make_league(config, pool, policies)
-        self._slots = {name: self._make_slot(learner) for name, learner in learners.items()}
-        self._workers = self._make_workers()
+        self._workers, self._slots = self._make_workers()
         self._schedule = ModeSchedule(config)
         self._lessons = Lessons(config.curriculum, config.randomise)
         self._teach()
@@ -103,16 +102,29 @@ class Trainer:
         self._saved_at_s, self._saved_at_update = 0.0, 0
         self._has_begun = False
 
-    def _make_slot(self, learner: Learner) -> PolicySlot:
-        name = learner.policy.spec.name
-        slots = [learner.policy.spec.num_agents] * self._pool.num_engines
-        return PolicySlot(learner, slots, frozen_seed(self.config.seed, name), self._league)
-
-    def _make_workers(self) -> Workers:
-        if isinstance(self._pool, RemotePool):
-            self._pool.prepare(self.config)
-            return RemoteWorkers(self._pool, self._learners, self._slots, self._trackers)
-        return Collector(self._pool, self._slots, self._trackers, self._league)
+    def _make_workers(self) -> tuple[Workers, dict[str, PolicySlot]]:
+        pool, league, seed = self._pool, self._league, self.config.seed
+        is_here = not isinstance(pool, RemotePool)
+        seats = None
+        if league is not None and is_here:
+            policies = {name: learner.policy for name, learner in self._learners.items()}
+            seats = Seats(
+                league, policies, pool.policies, share=self.config.league.share,
+                num_engines=pool.num_engines, seed=league_seed(seed),
+            )  # fmt: skip
+        slots = {
+            name: PolicySlot(
+                learner, [learner.policy.spec.num_agents] * pool.num_engines,
+                frozen_seed(seed, name), seats,
+            )
+            for name, learner in self._learners.items()
+        }  # fmt: skip
+        if is_here:
+            workers = Collector(pool, slots, self._trackers, seats)
+            workers.on_matches = None if league is None else league.rate
+            return workers, slots
+        pool.prepare(self.config)
+        return RemoteWorkers(pool, self._learners, slots, self._trackers, league), slots
 
     @property
     def specs(self) -> Mapping[str, PolicySpec]:
@@ -303,7 +315,8 @@ class Trainer:
             for name, mode in self._schedule.at(self.updates).items():
                 self.set_mode(name, mode)
         if self._league is not None:
-            self._league.advance(self.updates)
+            playing = {name: self._workers.playing(name) for name in self._slots}
+            self._league.advance(self.updates, playing)
         self._workers.advance(self.updates)
 
     def _advance_lesson(self) -> bool:
@@ -420,6 +433,7 @@ class Trainer:
             policies=policies,
             restarts=self._pool.num_restarts,
             modes={name: slot.mode for name, slot in self._slots.items()},
+            machines=self._workers.machines,
         )
 
     # --- saving ---------------------------------------------------------------------------------
@@ -496,5 +510,4 @@ def make_league(config: TrainConfig, pool: Pool, policies: Mapping[str, Policy])
     """Return the league of a run, None without self-play."""
     if config.league.share == 0:
         return None
-    seed = policy_seed(config.seed or 0, "league")
-    return League(config.league, pool.policies, policies, pool.num_engines, seed)
+    return League(config.league, pool.policies, policies, league_seed(config.seed))

@@ -6,19 +6,21 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from ludus.league.league import League
 from ludus.league.policy_slot import PolicySlot
+from ludus.league.seats import Match, Seats
 from ludus.play.episodes import EndedEpisodes, EpisodeTracker
 from ludus.pool.interface import Pool
 from ludus.spec.batch import Batch
 
-__all__ = ["IDLE_STEPS", "CollectTimes", "Collector", "OnEpisodes"]
+__all__ = ["IDLE_STEPS", "CollectTimes", "Collector", "OnEpisodes", "OnMatches"]
 
 IDLE_STEPS = 32
 """Steps between two moments of decision while no policy learns."""
 
 OnEpisodes = Callable[[str, int, EndedEpisodes], None]
 """Gets a policy, the number of the first of some episodes, from 1, and the episodes."""
+
+OnMatches = Callable[[list[Match]], None]
 
 
 @dataclass
@@ -49,12 +51,13 @@ class Collector:
         pool: The engines.
         slots: Policy slots by policy.
         trackers: By policy.
-        league: The same that the policy slots have; None without self-play.
+        seats: The same that the policy slots have; None without self-play.
 
     Attributes:
         times: Where the time went.
         place: Step, since the call of :meth:`collect`, and engine of the last answer.
         on_episodes: Gets the episodes that end, while engines are in a step.
+        on_matches: Gets the games of self-play that end, while engines are in a step.
     """
 
     def __init__(
@@ -62,27 +65,39 @@ class Collector:
         pool: Pool,
         slots: Mapping[str, PolicySlot],
         trackers: Mapping[str, EpisodeTracker],
-        league: League | None = None,
+        seats: Seats | None = None,
     ) -> None:
         self._pool = pool
         self._slots = slots
         self._trackers = trackers
-        self._league = league
+        self._seats = seats
         self._engines = range(pool.num_engines)
         self._rows = [{name: pool.rows(name, k) for name in slots} for k in self._engines]
         self.times = CollectTimes()
         self.place = (0, 0)
         self.on_episodes: OnEpisodes | None = None
+        self.on_matches: OnMatches | None = None
 
     @property
     def num_steps(self) -> int:
         """Agent steps so far, of all policies."""
         return sum(tracker.num_steps for tracker in self._trackers.values())
 
+    @property
+    def machines(self) -> tuple[()]:
+        """None: this process plays itself."""
+        return ()
+
     def advance(self, updates: int) -> None:
         """Note how many updates the run has made; after each, and before a reset."""
         for slot in self._slots.values():
             slot.advance(updates)
+        if self._seats is not None:
+            self._seats.advance(updates)
+
+    def playing(self, policy: str) -> set[int]:
+        """Return the numbers of the past selves of ``policy`` that play somewhere."""
+        return set() if self._seats is None else self._seats.playing(policy)
 
     def reset(self, seed: int) -> None:
         """Begin new episodes everywhere; drops what no learner has learnt from yet."""
@@ -90,8 +105,8 @@ class Collector:
         for engine in self._engines:
             rows = self._rows[engine]
             firsts = {name: first_rows(batches[name], rows[name]) for name in self._slots}
-            if self._league is not None:
-                self._league.begin(engine, firsts)
+            if self._seats is not None:
+                self._seats.begin(engine, firsts)
             for name, slot in self._slots.items():
                 own = slot.begin(engine, firsts[name])
                 self._trackers[name].begin(rows[name], own)
@@ -141,8 +156,10 @@ class Collector:
         self.place = (step, engine)
         batches = self._pool.receive(engine)
         received = time.perf_counter()
-        if self._league is not None:
-            self._league.record(engine, batches)
+        if self._seats is not None:
+            matches = self._seats.record(engine, batches)
+            if matches and self.on_matches is not None:
+                self.on_matches(matches)
         for name, slot in self._slots.items():
             own = slot.record(engine, batches[name])
             tracker = self._trackers[name]

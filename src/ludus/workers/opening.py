@@ -6,12 +6,13 @@ import contextlib
 import os
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from ludus.errors import ConfigError
 from ludus.extras import require_package
 from ludus.settings.train_config import LOCAL, TrainConfig
-from ludus.target import Address, Play, parse_target
+from ludus.target import Play, parse_target, split_addresses
 from ludus.workers.interface import Machine
 from ludus.workers.process import ProcessMachine
 from ludus.workers.remote import RemotePool
@@ -33,7 +34,7 @@ def open_machines(config: TrainConfig, log_dir: Path | None = None) -> RemotePoo
         MachineLost: A worker died at its start.
         MissingExtra: Ray is not installed, and ``config.cluster`` names a cluster of it.
     """
-    _check(config)
+    config = _checked(config)
     machines: list[Machine] = []
     try:
         started, start_again = _start(config, log_dir)
@@ -47,11 +48,11 @@ def open_machines(config: TrainConfig, log_dir: Path | None = None) -> RemotePoo
 
 def _start(
     config: TrainConfig, log_dir: Path | None
-) -> tuple[Sequence[Machine], Callable[[int], Machine]]:
+) -> tuple[Sequence[Machine], Callable[[int], Machine | None]]:
     """Start all workers at once; the first answer of each is the spec of its games.
 
     Returns:
-        The machines, and what starts the worker of one of them again.
+        The machines, and what starts the worker of one of them again, or returns None.
     """
     found = re.fullmatch(LOCAL, config.cluster or "")
     if found is None:
@@ -67,19 +68,27 @@ def _start(
     return [start(index) for index in range(int(found[1]))], start
 
 
-def _check(config: TrainConfig) -> None:
-    if config.league.share:
-        raise ConfigError(
-            "self-play against past selves needs all engines on one machine",
-            "leave out --cluster, or set league.share to 0",
-        )
-
+def _checked(config: TrainConfig) -> TrainConfig:
+    """Return the settings, with the number of machines where the target says it."""
+    games = split_addresses(config.target)
+    if games:
+        found = re.fullmatch(LOCAL, config.cluster or "")
+        num_machines = int(found[1]) if found else config.num_machines or len(games)
+        if num_machines != len(games):
+            raise ConfigError(
+                f"{config.target} names {len(games)} running games, and there are {num_machines} "
+                "workers: each plays one",
+                "name as many as there are workers, HOST:PORT,HOST:PORT, or a game that workers "
+                "start themselves",
+            )
+        return config if found else replace(config, num_machines=num_machines)
     target = parse_target(config.target, scene=config.scene, godot=config.godot)
-    if isinstance(target, Address | Play):
+    if isinstance(target, Play):
         raise ConfigError(
-            f"{config.target} is one game that is running already, and a cluster starts its own",
+            f"{config.target} waits for one game, and a cluster has many",
             "leave out --cluster, or name the game itself: its project, or what was exported",
         )
+    return config
 
 
 def _close(machines: Sequence[Machine]) -> None:

@@ -15,13 +15,11 @@ import subprocess
 import sys
 import threading
 import time
-import traceback
-from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from ludus.errors import LudusError, MachineLost, RunError
+from ludus.errors import MachineLost
 from ludus.settings.train_config import TrainConfig
 from ludus.spec import Spec
 
@@ -128,7 +126,7 @@ class _Line(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         with contextlib.suppress(OSError):
-            self.tell("log", (record.name, record.levelno, record.getMessage()))
+            self.tell("log", (record.name, record.levelno, self.format(record)))
 
     def beat(self) -> None:
         """Give signs of life until the trainer is gone."""
@@ -147,7 +145,7 @@ def main(descriptor: int) -> None:
         sys.path[:], start = connection.recv()
         logging.getLogger("ludus").addHandler(line)
         logging.getLogger("ludus").propagate = False
-        from ludus.workers.worker import Worker
+        from ludus.workers.worker import Worker, outcome_of
 
         workers: list[Worker] = []
 
@@ -156,28 +154,14 @@ def main(descriptor: int) -> None:
             return workers[0].spec
 
         try:
-            _answer(line, begin)
+            line.tell(*outcome_of(begin))
             while workers:
                 method, arguments = connection.recv()
-                _answer(line, functools.partial(getattr(workers[0], method), *arguments))
+                call = functools.partial(getattr(workers[0], method), *arguments)
+                line.tell(*outcome_of(call))
         finally:
             for worker in workers:
                 worker.close()
-
-
-def _answer(line: _Line, call: Callable[[], Any]) -> None:
-    """Do what is asked, and tell the outcome."""
-    try:
-        result = call()
-    except LudusError as error:
-        line.tell("error", error)
-    except Exception as error:
-        text = "".join(traceback.format_exception(error))
-        log.error("%s", text)
-        said = f"{type(error).__name__}: {error}"
-        line.tell("error", RunError(f"a worker failed: {said}", "train.log has the traceback"))
-    else:
-        line.tell("result", result)
 
 
 if __name__ == "__main__":

@@ -2,33 +2,40 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import platform
+import time
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import ray as ray_package
 from ray import exceptions as ray_errors
-from ray.util.placement_group import placement_group, remove_placement_group
+from ray.util.placement_group import (
+    placement_group,
+    placement_group_table,
+    remove_placement_group,
+)
 from ray.util.scheduling_strategies import PlacementGroupSchedulingStrategy
 
-from ludus.errors import ConfigError, LudusError, MachineLost, RunError
+from ludus.errors import ConfigError, MachineLost, RunError, SetupError
 from ludus.settings.train_config import TrainConfig
-from ludus.version import __version__
-from ludus.workers.worker import Worker
+from ludus.workers.nodes import LOOK_S, Node, RayCluster, kill_process, ray, require_equal
+from ludus.workers.parcel import find_parcel
+from ludus.workers.worker import Worker, outcome_of
 
 __all__ = ["RayMachine", "open_ray_machines"]
 
 START_S, SILENCE_S = 120.0, 30.0
 """Seconds until a worker process runs, and without any sign of life until a worker is lost."""
 
-LOOK_S = 5.0
-"""Seconds between two looks whether a worker that is busy lives."""
+END_S, LEAVE_S = 15.0, 1.0
+"""Seconds a worker has to end its games, and itself."""
 
-ray: Any = ray_package
-"""Its own types say little."""
+RESUME = "ludus train --resume goes on from the last checkpoint"
 
 log = logging.getLogger(__name__)
 
@@ -44,35 +51,34 @@ class _Actor:
     @ray.method(concurrency_group="play")
     def call(self, method: str, arguments: tuple[Any, ...]) -> tuple[str, Any, list[Any]]:
         """Return ``("result", value, logged)`` or ``("error", error, logged)``."""
-        try:
-            kind, value = "result", self._do(method, arguments)
-        except LudusError as error:
-            kind, value = "error", error
-        except Exception as error:
-            log.exception("a defect in a worker")
-            said = f"{type(error).__name__}: {error}"
-            kind = "error"
-            value = RunError(f"a worker failed: {said}", "train.log has the traceback")
+        kind, value = outcome_of(partial(self._do, method, arguments))
         logged, self._log.records = self._log.records, []
         return kind, value, logged
 
     def _do(self, method: str, arguments: tuple[Any, ...]) -> Any:
         if method == "begin":
-            self._worker = Worker(*arguments)
+            parcel, config, *rest = arguments
+            if parcel is not None:
+                config = replace(config, **parcel.settings())
+            self._worker = Worker(config, *rest)
             return self._worker.spec
         if self._worker is None:
             return None  # it is closed before its games could start
         return getattr(self._worker, method)(*arguments)
 
     @ray.method(concurrency_group="play")
-    def about(self) -> dict[str, Any]:
-        """Return what must be equal on all machines, and where this one is."""
-        versions = {"ludus": __version__, "python": platform.python_version()}
-        return {"host": platform.node(), "pid": os.getpid(), "versions": versions}
+    def place(self) -> tuple[str, int]:
+        """Return host and process."""
+        return platform.node(), os.getpid()
 
     @ray.method(concurrency_group="life")
     def live(self) -> None:
         """Give a sign of life, beside a call that goes on."""
+
+    @ray.method(concurrency_group="life")
+    def leave(self) -> None:
+        """End this process, whatever it does, even where no head could tell it to."""
+        os._exit(0)
 
 
 class _Log(logging.Handler):
@@ -90,36 +96,51 @@ class RayMachine:
     """An actor; a :class:`~ludus.workers.interface.Machine`.
 
     Args:
-        actor: The handle.
+        places: Where it gets one.
         index: Number of the machine, from 0.
-        group: Places that are given back when it is closed; None keeps them.
     """
 
-    def __init__(self, actor: Any, index: int, group: Any = None) -> None:
+    def __init__(self, places: _Places, index: int) -> None:
         self.name = f"machine {index}"
-        self._actor = actor
-        self._group = group
+        self._places = places
+        self._index = index
+        self._actor = places.start(index)
+        self._pid = 0
         self._answer: Any = None
         self._is_closed = False
 
-    def greet(self) -> dict[str, str]:
-        """Wait until the actor runs; return the versions it runs with."""
-        about = self._get(self._actor.about.remote(), START_S)
-        self.name += f" ({about['host']}, process {about['pid']})"
-        return about["versions"]
+    def greet(self) -> None:
+        """Wait until the actor runs.
+
+        Raises:
+            MachineLost: It does not, or its node is gone.
+        """
+        answer, limit_s = self._actor.place.remote(), time.monotonic() + START_S
+        while not ray.wait([answer], timeout=1.0)[0]:
+            if time.monotonic() > limit_s or self._places.node(self._index) is None:
+                self.kill()
+                raise MachineLost(f"{self.name} did not start", "ray status lists the nodes")
+        host, self._pid = self._get(answer, SILENCE_S)
+        self.name += f" ({host}, process {self._pid})"
 
     def send(self, method: str, *arguments: Any) -> None:
         """Call a method of the worker and return at once."""
-        self._answer = self._actor.call.remote(method, arguments)
+        self._places.cluster.require_head(is_due=False)
+        try:
+            self._answer = self._actor.call.remote(method, arguments)
+        except ray_errors.RayError as error:
+            raise self._as_error(error) from None
 
     def receive(self) -> Any:
         """Return what the method that was called last returned, or raise what it raised."""
         while not ray.wait([self._answer], timeout=LOOK_S)[0]:
+            self._places.cluster.require_head()
             self._get(self._actor.live.remote(), SILENCE_S)
         kind, value, logged = self._get(self._answer, SILENCE_S)
         for name, level, text in logged:
             logging.getLogger(name).log(level, "%s: %s", self.name, text)
         if kind == "error":
+            value.message = f"{self.name}: {value.message}"
             raise value
         return value
 
@@ -127,110 +148,148 @@ class RayMachine:
         try:
             return ray.get(answer, timeout=timeout_s)
         except ray_errors.GetTimeoutError:
+            self._places.cluster.require_head()
             self.kill()
-            said = f"has given no sign of life for {timeout_s:.0f} s"
+            raise MachineLost(
+                f"{self.name} has given no sign of life for {timeout_s:.0f} s", RESUME
+            ) from None
         except ray_errors.RayError as error:
-            said = f"is lost: {str(error).strip().splitlines()[0]}"
-        raise MachineLost(f"{self.name} {said}", "--resume goes on from the last checkpoint")
+            raise self._as_error(error) from None
+
+    def _as_error(self, error: Exception) -> RunError:
+        said = str(error).strip().splitlines()[0]
+        if isinstance(error, ray_errors.ObjectStoreFullError | ray_errors.OutOfDiskError):
+            return RunError(
+                f"Ray has no room for what {self.name} sends: {said}",
+                "give nodes more: ray start --object-store-memory, a larger /dev/shm, or disk "
+                "for what does not fit (--object-spilling-directory)",
+            )
+        self._places.cluster.require_head()
+        return MachineLost(f"{self.name} is lost: {said}", RESUME)
 
     def kill(self) -> None:
         """End the worker's process without a word; its games end by themselves."""
         self._is_closed = True
+        if not self._places.cluster.has_head():
+            return
         ray.kill(self._actor)
+        node = self._places.node(self._index)
+        if self._pid and node is not None:  # a process that is stopped does not hear Ray
+            self._places.cluster.ask(kill_process, [node], self._pid)
 
     def close(self) -> None:
         """End the worker and its games; may be called twice."""
         if not self._is_closed:
-            try:
-                self.send("close")
-                self.receive()
-            except LudusError as error:
-                log.warning("%s did not end cleanly: %s", self.name, error.message)
-            self.kill()
-        if self._group is not None:
+            self._is_closed = True
+            ray.wait([self._actor.call.remote("close", ())], timeout=END_S)
+            ray.wait([self._actor.leave.remote()], timeout=LEAVE_S)
+        self._places.leave(self._index)
+
+
+class _Places:
+    """The places of a run's workers, one on each of its machines.
+
+    Args:
+        cluster: Where.
+        num_machines: How many; None: one on every node.
+        num_engines: Of each.
+
+    Raises:
+        ConfigError: There are not as many machines, or they are taken.
+    """
+
+    def __init__(self, cluster: RayCluster, num_machines: int | None, num_engines: int) -> None:
+        self.cluster = cluster
+        nodes = cluster.nodes()
+        self.num_machines = num_machines or len(nodes)
+        if self.num_machines > len(nodes) or not nodes:
+            raise ConfigError(
+                f"num_machines is {self.num_machines}, and the cluster has {len(nodes)} machines",
+                "ray status lists them; ray start --address=HEAD:6379 adds one",
+            )
+        cpus = min(num_engines + 1, nodes[self.num_machines - 1].cpus)
+        self._group: Any = placement_group(
+            [{"CPU": cpus}] * self.num_machines, strategy="STRICT_SPREAD"
+        )
+        self._left: set[int] = set()
+        if not self._group.wait(timeout_seconds=START_S):
             remove_placement_group(self._group)
-            self._group = None
+            raise ConfigError(
+                f"the cluster has no {self.num_machines} machines with {cpus:g} free CPUs each",
+                "another run may have them: ray status; a smaller --num-engines needs less",
+            )
+        self._make = ray.remote(num_cpus=cpus, max_restarts=0, max_task_retries=0,
+                                concurrency_groups={"play": 1, "life": 1})(_Actor)  # fmt: skip
+
+    def start(self, index: int) -> Any:
+        """Return a new actor in one of the places."""
+        strategy = PlacementGroupSchedulingStrategy(self._group, index)
+        return self._make.options(scheduling_strategy=strategy).remote()
+
+    def node(self, index: int) -> Node | None:
+        """Return the node that a place is on; None while it is on none that lives."""
+        table: Any = placement_group_table(self._group)
+        found = table["bundles_to_node_id"].get(index)
+        return next((node for node in self.cluster.nodes() if node.id == found), None)
+
+    def leave(self, index: int) -> None:
+        """Give the places back to other runs once all have been left."""
+        self._left.add(index)
+        if len(self._left) == self.num_machines and self.cluster.has_head():
+            remove_placement_group(self._group)
 
 
 def open_ray_machines(
     config: TrainConfig, log_dir: Path | None
-) -> tuple[list[RayMachine], Callable[[int], RayMachine]]:
+) -> tuple[list[RayMachine], Callable[[int], RayMachine | None]]:
     """Start a worker on each of the machines that ``config`` asks for.
 
     Returns:
-        The machines, whose first answer is the spec of their games, and what starts one again.
+        The machines, whose first answer is the spec of their games; and what starts one again, or
+        returns None while there is no node for it.
 
     Raises:
         ConfigError: The cluster cannot be reached, has fewer machines, or other versions.
         MachineLost: A worker did not start.
     """
-    _join(config)
-    nodes = [node for node in ray.nodes() if node["Alive"] and node["Resources"].get("CPU")]
-    num_machines = config.num_machines or len(nodes)
-    if num_machines > len(nodes):
-        raise ConfigError(
-            f"num_machines is {num_machines}, and the cluster has {len(nodes)} machines",
-            "ray status lists them; ray start --address=HEAD:6379 adds one",
-        )
-    group, make = _place(num_machines, config.num_engines, nodes)
-
-    def open_machine(index: int) -> RayMachine:
-        # The last one that is closed gives the places back to other runs.
-        return RayMachine(make(index), index, group if index == num_machines - 1 else None)
-
-    machines = [open_machine(index) for index in range(num_machines)]
+    cluster = RayCluster(config.cluster or "auto")
+    places = _Places(cluster, config.num_machines, config.num_engines)
+    machines: list[RayMachine] = []
+    parcel = find_parcel(config.target, config.scene, config.godot)
 
     def start(machine: RayMachine, index: int) -> RayMachine:
-        versions = machine.greet()
-        if versions["ludus"] != __version__:
-            raise ConfigError(
-                f"{machine.name} has Ludus {versions['ludus']}, and this one {__version__}",
-                "install the same version on all machines",
-            )
-        machine.send("begin", config, index, log_dir)
+        machine.greet()
+        machine.send("begin", parcel, config, index, log_dir)
         return machine
 
+    def prepare(indices: range) -> None:
+        """See that the nodes of some places have what it takes."""
+        nodes = [node for index in indices if (node := places.node(index)) is not None]
+        require_equal(cluster, nodes)
+        if parcel is not None:
+            cluster.deliver(parcel, nodes)
+
+    def start_again(index: int) -> RayMachine | None:
+        if places.node(index) is None:
+            return None
+        try:
+            prepare(range(index, index + 1))
+            return start(RayMachine(places, index), index)
+        except (ConfigError, MachineLost, SetupError):
+            if places.node(index) is None:  # it went meanwhile
+                return None
+            raise
+
     try:
+        every = range(places.num_machines)
+        prepare(every)
+        machines += [RayMachine(places, index) for index in every]
         for index, machine in enumerate(machines):
             start(machine, index)
     except BaseException:
-        for machine in machines:
-            machine.kill()
-        remove_placement_group(group)
+        for index in every:
+            with contextlib.suppress(IndexError):
+                machines[index].kill()
+            places.leave(index)
         raise
-    return machines, lambda index: start(open_machine(index), index)
-
-
-def _join(config: TrainConfig) -> None:
-    if ray.is_initialized():
-        return
-    try:
-        ray.init(address=config.cluster, log_to_driver=False, logging_level=logging.ERROR)
-    except (ConnectionError, RuntimeError, ValueError) as error:
-        raise ConfigError(
-            f"there is no Ray cluster at {config.cluster}: {str(error).splitlines()[0]}",
-            "ray start --head starts one on this machine; --cluster local:2 needs none",
-        ) from None
-
-
-def _place(
-    num_machines: int, num_engines: int, nodes: list[Any]
-) -> tuple[Any, Callable[[int], Any]]:
-    """Return places on ``num_machines`` machines, and what starts an actor on one of them."""
-    cpus = sorted((node["Resources"]["CPU"] for node in nodes), reverse=True)
-    each = min(num_engines + 1, cpus[num_machines - 1])
-    group: Any = placement_group([{"CPU": each}] * num_machines, strategy="STRICT_SPREAD")
-    if not group.wait(timeout_seconds=START_S):
-        remove_placement_group(group)
-        raise ConfigError(
-            f"the cluster has no {num_machines} machines with {each:g} free CPUs each",
-            "another run may have them: ray status; a smaller --num-engines needs less",
-        )
-    make = ray.remote(num_cpus=each, max_restarts=0, max_task_retries=0,
-                      concurrency_groups={"play": 1, "life": 1})(_Actor)  # fmt: skip
-
-    def start(index: int) -> Any:
-        place = PlacementGroupSchedulingStrategy(group, index)
-        return make.options(scheduling_strategy=place).remote()
-
-    return group, start
+    return machines, start_again

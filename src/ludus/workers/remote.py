@@ -8,7 +8,6 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -17,6 +16,7 @@ from ludus.algorithms.learner import Learner
 from ludus.algorithms.recorder import Recording, SharedLearner, Weights, pack_weights
 from ludus.curriculum.world_parameters import Sums, add_sums
 from ludus.errors import ConfigError, MachineLost, ProtocolError, SequenceError, UsageError
+from ludus.league.league import League
 from ludus.league.policy_slot import PolicySlot
 from ludus.networks.policy import Policy
 from ludus.play.episodes import EpisodeTracker
@@ -29,9 +29,12 @@ from ludus.spec.batch import ActionBatch, Batches, StepTimes
 from ludus.wire.requests import MetricSummary, add_metrics
 from ludus.wire.reset import Parameters
 from ludus.workers.collect import IDLE_STEPS, CollectTimes, OnEpisodes
-from ludus.workers.interface import Machine, Order, PolicyOrder, Report
+from ludus.workers.interface import LeagueOrder, Machine, MachineState, Order, PolicyOrder, Report
 
 __all__ = ["RemotePool", "RemoteWorkers"]
+
+PLAY_MEMORY = 0.9
+"""Weight of the past in the time that a machine takes."""
 
 log = logging.getLogger(__name__)
 
@@ -45,12 +48,13 @@ class RemotePool:
     Args:
         machines: One for each worker, whose engines have started; closed with the pool.
         specs: Of their engines.
-        start: Starts the worker of a machine once more.
+        start: Starts the worker of a machine once more; returns None while it has no place.
         config: Settings of the run.
 
     Attributes:
         machines: One for each worker.
         lost: Machines that are to be started again, and how they were lost.
+        num_losses: How often a machine was lost.
         num_restarts: Engines restarted so far, and workers.
 
     Raises:
@@ -61,7 +65,7 @@ class RemotePool:
         self,
         machines: Sequence[Machine],
         specs: Sequence[Spec],
-        start: Callable[[int], Machine],
+        start: Callable[[int], Machine | None],
         config: TrainConfig,
     ) -> None:
         self.machines = list(machines)
@@ -69,7 +73,11 @@ class RemotePool:
         self.num_restarts = 0
         self._start = start
         self._config = config
-        self._num_losses = 0
+        self.num_losses = 0
+        self._waiting: set[int] = set()
+        self._draws: Sums = {}
+        self._metrics: dict[str, MetricSummary] = {}
+        self._status: Mapping[str, Any] | None = None
         self._parameters: Mapping[str, Parameter] = {}
         self._unmasked: list[str] = []
         self._spec = specs[0]
@@ -159,18 +167,33 @@ class RemotePool:
         self._config = config
         self.call_all("prepare", config)
 
-    def restart(self, index: int) -> None:
+    def restart(self, index: int) -> bool:
         """Start the worker of a machine that was lost once more.
+
+        Returns:
+            Whether it has a place; without one, the others go on, and it is worth another try.
 
         Raises:
             MachineLost: That was done ``max_restarts`` times already, or does not help.
         """
         error, limit = self.lost[index], self._config.max_restarts
-        if self._num_losses >= limit:
-            raise error
-        self._num_losses += 1
-        log.warning("%s; starting it again (%d of %d)", error.message, self._num_losses, limit)
-        machine = self.machines[index] = self._start(index)
+        is_new = index not in self._waiting
+        if is_new:
+            if self.num_losses >= limit:
+                raise error
+            self.num_losses += 1
+            log.warning("%s; starting it again (%d of %d)", error.message, self.num_losses, limit)
+        machine = self._start(index)
+        if machine is None:
+            self._waiting.add(index)
+            if len(self._waiting) == len(self.machines):
+                raise error
+            if is_new:
+                log.warning("there is no node for machine %d; the others go on until one joins",
+                            index)  # fmt: skip
+            return False
+        self._waiting.discard(index)
+        self.machines[index] = machine
         self._check_spec(machine, machine.receive())
         calls: list[tuple[str, Any]] = [("ignore_masks", policy) for policy in self._unmasked]
         calls.append(("prepare", self._config))
@@ -180,6 +203,7 @@ class RemotePool:
             machine.send(method, argument)
             machine.receive()
         del self.lost[index]
+        return True
 
     def reset(self, seed: int | None = None, parameters: Parameters = None) -> Batches:
         """Begin a new episode in every world; see :meth:`ludus.pool.Pool.reset`."""
@@ -219,28 +243,30 @@ class RemotePool:
 
     def take_draws(self) -> Sums:
         """Return what was drawn for worlds; see :meth:`ludus.pool.Pool.take_draws`."""
-        taken: Sums = {}
-        for drawn in self.call_all("take_draws"):
-            taken = add_sums(taken, drawn)
+        taken, self._draws = self._draws, {}
         return taken
 
     def take_requests(self) -> list[dict[str, Any]]:
         """Fetch what the games ask of the trainer; see :meth:`ludus.pool.Pool.take_requests`."""
         taken: list[dict[str, Any]] = []
-        for requests in self.call_all("take_requests"):
+        for requests in self.call_all("tell", self._status):
             taken += [request for request in requests if request not in taken]
+        self._status = None
         return taken
 
     def take_metrics(self) -> dict[str, MetricSummary]:
         """Fetch what the games have reported; see :meth:`ludus.pool.Pool.take_metrics`."""
-        taken: dict[str, MetricSummary] = {}
-        for metrics in self.call_all("take_metrics"):
-            taken = add_metrics(taken, metrics)
+        taken, self._metrics = self._metrics, {}
         return taken
 
+    def note(self, report: Report) -> None:
+        """Keep what a worker reports beside its recordings, until it is taken."""
+        self._metrics = add_metrics(self._metrics, report.metrics)
+        self._draws = add_sums(self._draws, report.draws)
+
     def show_status(self, status: Mapping[str, Any]) -> None:
-        """Tell the games how training goes; see :meth:`ludus.pool.Pool.show_status`."""
-        self.call_all("show_status", status)
+        """Tell the games how training goes, together with the next :meth:`take_requests`."""
+        self._status = status
 
     def close(self) -> None:
         """End all workers and their engines; may be called twice."""
@@ -268,6 +294,7 @@ class RemoteWorkers:
         learners: By policy.
         slots: By policy; they only say which mode it is in.
         trackers: By policy.
+        league: None without self-play.
 
     Raises:
         ConfigError: A learner of a script cannot learn from other machines.
@@ -279,14 +306,19 @@ class RemoteWorkers:
         learners: Mapping[str, Learner],
         slots: Mapping[str, PolicySlot],
         trackers: Mapping[str, EpisodeTracker],
+        league: League | None = None,
     ) -> None:
         self._pool = pool
+        self._league = league
+        self._league_sent: Any = None
+        self._playing: dict[int, Mapping[str, set[int]]] = {}
         self._learners = {name: _shared(name, learner) for name, learner in learners.items()}
         self._slots = slots
         self._trackers = trackers
         self._modes: dict[str, Mode] = {}
         self._sent: dict[str, Weights] = {}
-        self._updates = self._seed = self._num_losses = 0
+        self._play_s = [0.0] * len(pool.machines)
+        self._updates = self._seed = 0
         self.times = CollectTimes()
         self.on_episodes: OnEpisodes | None = None
 
@@ -295,16 +327,32 @@ class RemoteWorkers:
         """Agent steps so far, of all policies."""
         return sum(tracker.num_steps for tracker in self._trackers.values())
 
+    @property
+    def machines(self) -> list[MachineState]:
+        """How the machines do."""
+        pool = self._pool
+        return [
+            MachineState(machine.name, len(pool.engines(index)), self._play_s[index],
+                         index in pool.lost)
+            for index, machine in enumerate(pool.machines)
+        ]  # fmt: skip
+
     def advance(self, updates: int) -> None:
         """Note how many updates the run has made."""
         self._updates = updates
+
+    def playing(self, policy: str) -> set[int]:
+        """Return the numbers of the past selves of ``policy`` that play somewhere."""
+        return {number for of in self._playing.values() for number in of.get(policy, ())}
 
     def reset(self, seed: int) -> None:
         """Begin new episodes everywhere; drops what no learner has learnt from yet."""
         self._seed = seed
         for learner in self._learners.values():
             learner.forget()
-        self._pool.call_all("play", self._order(seed=seed))
+        self._pool.ask("play", self._order(seed=seed))
+        for index, report in self._pool.answers().items():
+            self._note(index, report)
 
     def collect(self, is_stopping: Callable[[], bool]) -> bool:
         """Play until a learner is due to update; one call of every machine at a time."""
@@ -337,7 +385,9 @@ class RemoteWorkers:
         self.times.wait_s += received - learnt
         self.times.record_s += time.perf_counter() - received
 
-    def _order(self, num_steps: int = 0, seed: int | None = None) -> Order:
+    def _order(
+        self, num_steps: int = 0, seed: int | None = None, *, is_for_all: bool = True
+    ) -> Order:
         policies: dict[str, PolicyOrder] = {}
         for name, slot in self._slots.items():
             learner = self._learners[name]
@@ -349,9 +399,29 @@ class RemoteWorkers:
                 slot.mode,
                 learner.recorder.number,
                 learner.recorder.is_exploring,
-                self._new_weights(name, acting),
+                self._new_weights(name, acting) if is_for_all else pack_weights(acting),
             )
-        return Order(policies, self._updates, num_steps, seed)
+        return Order(policies, self._updates, num_steps, seed, self._league_order(is_for_all))
+
+    def _league_order(self, is_for_all: bool) -> LeagueOrder | None:
+        """Return what self-play needs, None if the machines have it."""
+        league = self._league
+        if league is None:
+            return None
+        what = (league.learning, {name: list(of) for name, of in league.opponents.items()})
+        if is_for_all and what == self._league_sent:
+            return None
+        if is_for_all:
+            self._league_sent = what
+        past = {
+            name: {
+                number: {key: value.cpu().numpy() for key, value in
+                         league.tensors(name, number).items()}
+                for number in numbers
+            }
+            for name, numbers in what[1].items()
+        }  # fmt: skip
+        return LeagueOrder(*what, past)
 
     def _new_weights(self, name: str, policy: Policy) -> Weights | None:
         """Return the weights of a policy, None if the machines have them."""
@@ -363,13 +433,15 @@ class RemoteWorkers:
 
     def _replace(self, index: int) -> None:
         """Start a worker again that was lost; it goes on in new episodes, with other seeds."""
-        self._pool.restart(index)
-        self._num_losses += 1
-        order = self._order(seed=self._seed + 1_000_003 * self._num_losses)
-        policies = {name: replace(of, weights=self._sent[name])
-                    for name, of in order.policies.items()}  # fmt: skip
-        self._pool.machines[index].send("play", replace(order, policies=policies))
-        self._pool.machines[index].receive()
+        if not self._pool.restart(index):
+            return
+        seed = self._seed + 1_000_003 * self._pool.num_losses
+        self._pool.machines[index].send("play", self._order(seed=seed, is_for_all=False))
+        self._note(index, self._pool.machines[index].receive())
+
+    def _note(self, index: int, report: Report) -> None:
+        self._pool.note(report)
+        self._playing[index] = report.playing
 
     def _take(self, reports: Mapping[int, Report], num_steps: int) -> None:
         lost = [self._pool.engines(index) for index in self._pool.lost]
@@ -384,8 +456,20 @@ class RemoteWorkers:
             learner.put(parts)
             for engines in lost:
                 learner.lose(engines, num_steps)
+        for index, report in reports.items():
+            self._note(index, report)
+            before = self._play_s[index] or report.play_s
+            self._play_s[index] = PLAY_MEMORY * before + (1.0 - PLAY_MEMORY) * report.play_s
         restarts = sum(report.num_restarts for report in reports.values())
-        self._pool.num_restarts = restarts + self._num_losses
+        self._pool.num_restarts = restarts + self._pool.num_losses
+        if self._league is not None:
+            matches = [
+                (step, self._pool.engines(index)[engine], match)
+                for index, report in reports.items()
+                for step, engine, match in report.matches
+            ]
+            in_order = sorted(matches, key=lambda each: each[:2])
+            self._league.rate(match for _, _, match in in_order)
         ended = [
             (of.step, self._pool.engines(index)[of.engine], of)
             for index, report in reports.items()

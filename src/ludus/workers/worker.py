@@ -6,8 +6,9 @@ arrays.
 
 from __future__ import annotations
 
+import logging
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,9 @@ from ludus.algorithms.learner import LearnerSettings
 from ludus.algorithms.learners import policy_seed
 from ludus.algorithms.ppo_recorder import PPORecorder
 from ludus.algorithms.recorder import Recorder, unpack_weights
-from ludus.curriculum.world_parameters import Sums
+from ludus.errors import LudusError, RunError
 from ludus.league.policy_slot import PolicySlot, frozen_seed
+from ludus.league.seats import Match, Seats, league_seed
 from ludus.networks.policy import Policy
 from ludus.play.episodes import EndedEpisodes, EpisodeTracker
 from ludus.pool import EnginePool, PoolConfig, open_pool
@@ -28,11 +30,13 @@ from ludus.settings.train_config import TrainConfig
 from ludus.settings.world_parameters import Parameter
 from ludus.spec import Spec
 from ludus.spec.batch import ActionBatch, Batch, Batches
-from ludus.target import check_accepted, parse_target
+from ludus.target import check_accepted, parse_target, split_addresses
 from ludus.workers.collect import Collector
-from ludus.workers.interface import Ended, Order, Report
+from ludus.workers.interface import Ended, LeagueOrder, Order, Report
 
-__all__ = ["Worker"]
+__all__ = ["Worker", "outcome_of"]
+
+log = logging.getLogger(__name__)
 
 
 class Worker:
@@ -53,11 +57,13 @@ class Worker:
 
     def __init__(self, config: TrainConfig, index: int, log_dir: Path | None = None) -> None:
         self._first_engine = index * config.num_engines
-        target = parse_target(config.target, scene=config.scene, godot=config.godot)
+        games = split_addresses(config.target) or [config.target] * (index + 1)
+        target = parse_target(games[index], scene=config.scene, godot=config.godot)
         check_accepted("train", target)
         settings = PoolConfig.of(config, log_dir=log_dir, first_engine=self._first_engine)
         self._pool: EnginePool = open_pool(target, settings)
         self._ended: list[Ended] = []
+        self._matches: list[tuple[int, int, Match]] = []
         self._updates = -1
 
     @property
@@ -73,19 +79,30 @@ class Worker:
         """
         torch.set_num_threads(config.torch_threads)
         names = self._pool.policies
+        self._book = _Book()
         self._players = {name: _Player(self._make_recorder(name, config)) for name in names}
+        self._seats = None
+        if config.league.share:
+            policies = {name: player.policy for name, player in self._players.items()}
+            self._seats = Seats(
+                self._book, policies, names, share=config.league.share,
+                num_engines=self._pool.num_engines, seed=league_seed(config.seed),
+                first_engine=self._first_engine,
+            )  # fmt: skip
         self._slots = {
             name: PolicySlot(
                 player,
                 [names[name].num_agents] * self._pool.num_engines,
                 frozen_seed(config.seed, name),
+                self._seats,
                 first_engine=self._first_engine,
             )
             for name, player in self._players.items()
         }
         self._trackers = {name: EpisodeTracker(self._pool.num_agents(name), 0) for name in names}
-        self._collector = Collector(self._pool, self._slots, self._trackers)
+        self._collector = Collector(self._pool, self._slots, self._trackers, self._seats)
         self._collector.on_episodes = self._note_episodes
+        self._collector.on_matches = self._note_matches
 
     def _make_recorder(self, name: str, config: TrainConfig) -> Recorder:
         pool, settings = self._pool, config.policies[name]
@@ -121,15 +138,23 @@ class Worker:
                 if order.policies[name].mode == "train"
             }
         ended, self._ended = self._ended, []
+        matches, self._matches = self._matches, []
         return Report(
             recordings,
             ended,
             {name: of.num_steps - before[name] for name, of in self._trackers.items()},
             time.perf_counter() - start,
             self._pool.num_restarts,
+            self._pool.take_metrics(),
+            self._pool.take_draws(),
+            matches,
+            {name: self._collector.playing(name) for name in self._players},
         )
 
     def _follow(self, order: Order) -> None:
+        if order.league is not None:
+            kept = {name: self._collector.playing(name) for name in self._players}
+            self._book.follow(order.league, kept)
         for name, of in order.policies.items():
             player, slot = self._players[name], self._slots[name]
             if of.weights is not None:
@@ -139,11 +164,17 @@ class Worker:
             if order.updates != self._updates or order.seed is not None:
                 slot.advance(order.updates)
             player.num_steps_left = order.num_steps
+        if self._seats is not None and (order.updates != self._updates or order.seed is not None):
+            self._seats.advance(order.updates)
         self._updates = order.updates
 
     def _note_episodes(self, policy: str, _: int, ended: EndedEpisodes) -> None:
         step, engine = self._collector.place
         self._ended.append(Ended(step, engine, policy, ended))
+
+    def _note_matches(self, matches: list[Match]) -> None:
+        step, engine = self._collector.place
+        self._matches += [(step, engine, match) for match in matches]
 
     # --- the pool -------------------------------------------------------------------------------
 
@@ -164,25 +195,50 @@ class Worker:
         """Draw parameters for worlds."""
         self._pool.randomise(parameters)
 
-    def take_draws(self) -> Sums:
-        """Return what was drawn for worlds."""
-        return self._pool.take_draws()
-
-    def take_requests(self) -> list[dict[str, Any]]:
-        """Fetch what the games ask of the trainer."""
+    def tell(self, status: Mapping[str, Any] | None) -> list[dict[str, Any]]:
+        """Tell the games how training goes, if anything; fetch what they ask of the trainer."""
+        if status is not None:
+            self._pool.show_status(status)
         return self._pool.take_requests()
-
-    def take_metrics(self) -> Any:
-        """Fetch what the games have reported."""
-        return self._pool.take_metrics()
-
-    def show_status(self, status: Mapping[str, Any]) -> None:
-        """Tell the games how training goes."""
-        self._pool.show_status(status)
 
     def close(self) -> None:
         """End all engines; may be called twice."""
         self._pool.close()
+
+
+def outcome_of(call: Callable[[], Any]) -> tuple[str, Any]:
+    """Do what a trainer asks for; return ``("result", value)`` or ``("error", error)``."""
+    try:
+        return "result", call()
+    except LudusError as error:
+        return "error", error
+    except Exception as error:
+        log.exception("a defect in a worker")
+        said = f"{type(error).__name__}: {error}"
+        return "error", RunError(f"a worker failed: {said}", "train.log has the traceback")
+
+
+class _Book:
+    """What a worker knows of the league; a :class:`~ludus.league.seats.Book`."""
+
+    def __init__(self) -> None:
+        self.learning: frozenset[str] = frozenset()
+        self.opponents: Mapping[str, Sequence[int]] = {}
+        self._past: dict[tuple[str, int], dict[str, torch.Tensor]] = {}
+
+    def tensors(self, policy: str, number: int) -> Mapping[str, torch.Tensor]:
+        return self._past[policy, number]
+
+    def follow(self, order: LeagueOrder, kept: Mapping[str, set[int]]) -> None:
+        """Go on with other opponents; past selves that are ``kept`` still play."""
+        self.learning, self.opponents = order.learning, order.opponents
+        self._past = {key: of for key, of in self._past.items() if key[1] in kept[key[0]]}
+        for name, numbers in order.past.items():
+            for number, arrays in numbers.items():
+                self._past[name, number] = {
+                    key: torch.from_numpy(array.copy())  # pyright: ignore[reportUnknownMemberType]
+                    for key, array in arrays.items()
+                }
 
 
 class _Player:
