@@ -48,6 +48,12 @@ def test_rounds_of_kills_find_nothing_in_ludus(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+def test_workers_that_are_harmed_cost_no_run(tmp_path: Path) -> None:
+    counts, finding = play(1, 1, ["workers"], GYM, tmp_path)
+    assert finding == ""
+    assert counts["kills"] + counts["stops"] >= 1
+
+
 def test_a_settings_file_written_in_place_is_found_and_found_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,6 +13,7 @@ from tests.campaign.faults.lies import lie_on_the_wire
 from tests.campaign.faults.names import name_folders, name_policies
 from tests.campaign.faults.stop import stop_engine, stop_trainer
 from tests.campaign.faults.strangers import start_among_strangers
+from tests.campaign.faults.workers import harm_workers
 from tests.campaign.rounds import Round
 
 __all__ = ["FAULTS"]
@@ -28,6 +29,7 @@ FAULTS: dict[str, tuple[int, Callable[[Round], None]]] = {
     "lies": (6, lie_on_the_wire),
     "folders": (2, name_folders),
     "policies": (2, name_policies),
+    "workers": (2, harm_workers),
     "strangers": (1, start_among_strangers),
     "frames": (6, fuzz_frames),
     "godot-frames": (1, fuzz_godot),
