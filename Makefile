@@ -100,8 +100,10 @@ renderers: .venv/.ready
 	@$(BIN)/ludus engine install godot3 --rendering
 
 # A file stays with one process, as its games do. Files in their own order end with the wire's
-# many short ones, so that no process has a long one left when the other is done.
-PYTEST_PARALLEL = $(BIN)/pytest --numprocesses=2 --dist=loadfile --no-loadscope-reorder
+# many short ones, so that no process has a long one left when the others are done. One process more
+# than two cores have, as tests also wait.
+PROCESSES ?= 3
+PYTEST_PARALLEL = $(BIN)/pytest --numprocesses=$(PROCESSES) --dist=loadfile --no-loadscope-reorder
 
 # The last run names what was left out.
 test: renderers
