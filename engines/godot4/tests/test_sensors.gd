@@ -85,6 +85,27 @@ func test_the_frame_is_the_sensors_own() -> void:
 	equal(Array(sensor.sense()), [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], "a node that is gone")
 
 
+func test_members_that_leave_in_a_tick_are_left_out() -> void:
+	var agent := _agent(GAME)
+	var nearest := LudusNearest2D.new()
+	nearest.group = &"coins"
+	nearest.count = 3
+	agent.get_parent().add_child(nearest)
+	var coins: Array[Node2D] = []
+	for i: int in 3:
+		var coin := Node2D.new()
+		coin.add_to_group(&"coins")
+		coin.position = Vector2(110, 100)
+		agent.get_parent().get_parent().add_child(coin)
+		coins.append(coin)
+	equal(nearest.members_of(&"coins").size(), 3, "all, in the first look of the tick")
+	coins[0].free()
+	equal(nearest.members_of(&"coins"), [coins[1], coins[2]] as Array[Node2D], "one is freed")
+	coins[1].get_parent().remove_child(coins[1])
+	equal(nearest.members_of(&"coins"), [coins[2]] as Array[Node2D], "one is out of the tree")
+	coins[1].free()
+
+
 func test_what_the_game_returns_comes_first() -> void:
 	var agent := _agent(GAME + OBSERVES)
 	var rays := LudusRays2D.new()

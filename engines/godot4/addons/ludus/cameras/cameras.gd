@@ -14,8 +14,11 @@ const HINT := (
 	+ "(Debian: apt install xvfb xauth)"
 )
 
+## Static, as the cameras of all worlds are drawn together. A camera is in the list while it is in
+## the tree, and the scenarios go with the last one, so nothing of a scene outlives it.
 static var _views: Array[LudusCameraView] = []
 static var _scenarios: LudusCameraScenarios
+## Whether this process was told that it cannot draw: that is so for all its scenes.
 static var _has_warned: bool = false
 
 

@@ -1,5 +1,9 @@
 extends RefCounted
 ## The nodes of a group that are in one world, looked up at most once a tick for all worlds.
+##
+## Static, as all sensors of all worlds share the look-up. It lasts for a tick, and a world forgets
+## it before its first look in an episode, so no scene sees what another one has left. Nodes are not
+## counted references: the list keeps none of them alive, but may name some that are gone.
 
 static var _tick: int = -1
 static var _members: Dictionary[StringName, Dictionary] = {}
@@ -14,8 +18,11 @@ static func of(world: LudusWorld, group: StringName) -> Array[Node]:
 	if not _members.has(group):
 		_members[group] = _sort(world.root.get_tree().get_nodes_in_group(group))
 	var found: Array[Node] = []
-	found.assign(_members[group].get(world, []))
-	return found.filter(_is_there)
+	# One by one: a typed array takes nothing from a list that has a freed node in it.
+	for node: Variant in _members[group].get(world, []):
+		if _is_there(node):
+			found.append(node)
+	return found
 
 
 ## Forgets all, for a world that has begun an episode.
@@ -34,4 +41,8 @@ static func _sort(nodes: Array[Node]) -> Dictionary:
 
 
 static func _is_there(node: Variant) -> bool:
-	return is_instance_valid(node) and not (node as Node).is_queued_for_deletion()
+	return (
+		is_instance_valid(node)
+		and (node as Node).is_inside_tree()
+		and not (node as Node).is_queued_for_deletion()
+	)

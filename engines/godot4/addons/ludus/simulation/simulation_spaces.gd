@@ -7,7 +7,8 @@ const MAX_FOUND := 4096
 const SETTING_2D := "physics/2d/default_"
 const SETTING_3D := "physics/3d/default_"
 
-## Scripts whose simulations were reported already.
+## Scripts whose simulations were reported already: once for each process, not for each of thousands
+## of worlds. A few paths at most.
 static var _reported: Dictionary[String, bool] = {}
 
 ## What [method clear] frees, in the order in which it was made.
