@@ -44,6 +44,21 @@ def test_only_paths_of_moved_scripts_are_rewritten(project: Path) -> None:
     assert rewrite_references(project, ADDON_PATH, MOVED) == ()
 
 
+def test_the_type_of_the_autoload_is_a_node(project: Path) -> None:
+    script = """\
+var bridge: LudusBridge = Ludus
+func find() -> LudusBridge:
+	return get_node("/root/Ludus") as LudusBridge
+func freeze(mode: LudusBridge.PolicyMode = LudusBridge.PolicyMode.FROZEN) -> void:
+	bridge.set_policy_mode("hero", mode)
+"""
+    (project / "menu.gd").write_text(script)
+    assert install_addon(project).rewritten == ("menu.gd", "project.godot", "levels/hero.tscn")
+    rewritten = script.replace("bridge: LudusBridge", "bridge: Node")
+    rewritten = rewritten.replace("-> LudusBridge", "-> Node").replace("as LudusBridge", "as Node")
+    assert (project / "menu.gd").read_text() == rewritten
+
+
 def test_pictures_caches_links_and_the_add_on_are_left_alone(project: Path) -> None:
     left_alone = [".godot/a.tscn", "addons/ludus/a.tscn", "a.scn"]
     for name in left_alone:

@@ -210,6 +210,38 @@ def test_icons_follow_scale_and_theme_of_the_editor(imported: Path) -> None:
     assert plain == []
 
 
+ADD_NODE = """\
+func look() -> void:
+	for entry: Dictionary in ProjectSettings.get_global_class_list():
+		var path: String = entry["path"]
+		var script: Script = load(path)
+		if path.begins_with("res://addons/ludus/"):
+			var base := script.get_instance_base_type()
+			result[entry["class"]] = base == &"Node" or ClassDB.is_parent_class(base, &"Node")
+"""
+PLACED = {
+    "LudusAgent",
+    "LudusCamera2D",
+    "LudusCamera3D",
+    "LudusDebugView",
+    "LudusPolicyPlayer",
+    "LudusSimulationHost",
+    "LudusTraining",
+    "LudusWorld",
+}
+SENSORS = {
+    f"Ludus{name}{dimensions}"
+    for name in ("Grid", "Nearest", "Rays", "Relative", "Sensor")
+    for dimensions in ("2D", "3D")
+}
+
+
+def test_add_node_offers_only_what_a_person_places(project: Path) -> None:
+    classes = look(project, ADD_NODE)
+    assert {name for name, is_node in classes.items() if is_node} == PLACED | SENSORS
+    assert "LudusBridge" in classes, "a name for scripts, which is no node"
+
+
 KEYS = """\
 func look() -> void:
 	var training: Script = load("res://addons/ludus/training/ludus_training.gd")

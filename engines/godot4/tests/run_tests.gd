@@ -3,6 +3,7 @@ extends SceneTree
 ## --golden=FOLDER [--only=test_NAME.gd][/code]. Prints a line per failure and exits with 1 if there
 ## are any.
 
+const LudusAutoload := preload("res://addons/ludus/bridge/ludus_bridge.gd")
 const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
 
 const LudusTest := preload("ludus_test.gd")
@@ -12,7 +13,7 @@ const SEED := 1
 
 var _num_passed: int = 0
 var _num_failed: int = 0
-var _autoload: LudusBridge
+var _autoload: LudusAutoload
 
 
 func _initialize() -> void:

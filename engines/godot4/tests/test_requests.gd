@@ -1,6 +1,7 @@
 extends "ludus_test.gd"
 ## What the game asks of its trainer, and hears from it (PROTOCOL.md §8).
 
+const LudusAutoload := preload("res://addons/ludus/bridge/ludus_bridge.gd")
 const LudusCall := preload("res://addons/ludus/bridge/call.gd")
 const LudusMetrics := preload("res://addons/ludus/bridge/metrics.gd")
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
@@ -89,7 +90,7 @@ func test_a_policy_that_is_none_is_refused() -> void:
 
 
 func test_a_bridge_without_a_trainer() -> void:
-	var bridge := LudusBridge.new()
+	var bridge := LudusAutoload.new()
 	check(not bridge.set_policy_mode("hero", FROZEN), "set_policy_mode")
 	check(not bridge.save_checkpoint(), "save_checkpoint")
 	check(not bridge.stop_training(), "stop_training")
@@ -155,7 +156,7 @@ func _open() -> LudusRequests:
 ## Tells statuses and returns what a game hears of it.
 func _show(told: Array) -> Dictionary:
 	var heard := {"statuses": [], "modes": []}
-	var bridge := LudusBridge.new()
+	var bridge := LudusAutoload.new()
 	bridge.training_status.connect(func(one: Dictionary) -> void: heard["statuses"].append(one))
 	bridge.policy_mode_changed.connect(
 		func(policy: String, mode: int) -> void: heard["modes"].append([policy, mode])

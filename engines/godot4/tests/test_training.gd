@@ -1,6 +1,8 @@
 extends "ludus_test.gd"
 ## A game that guides its own training: the node, its keys and overlay, how fast time passes.
 
+const LudusAutoload := preload("res://addons/ludus/bridge/ludus_bridge.gd")
+const LudusGamePace := preload("res://addons/ludus/training/game_pace.gd")
 const LudusGuidedTraining := preload("res://addons/ludus/training/guided_training.gd")
 const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
@@ -242,7 +244,7 @@ func test_no_shell_reads_the_path_of_a_python() -> void:
 func test_fast_time_leaves_the_length_of_a_tick() -> void:
 	var ticks := Engine.physics_ticks_per_second
 	var tick_s := Engine.time_scale / ticks
-	var pace := LudusPace.new()
+	var pace := LudusGamePace.new()
 	pace._is_fixed = false
 	add(pace)
 	pace.is_fast = true
@@ -274,7 +276,7 @@ func _key(key: Key) -> InputEventKey:
 ## Puts another bridge in the place of the autoload, for the rest of the test.
 func _use_own_bridge() -> void:
 	LudusRegistry.bridge = null
-	add(LudusBridge.new())
+	add(LudusAutoload.new())
 
 
 ## Lets a node guide a trainer that has told nothing yet.

@@ -16,10 +16,13 @@ _SUFFIXES = {".cfg", ".gd", ".godot", ".tres", ".tscn"}
 
 _DROPPED = re.compile(
     rb"\bLudus(?:Simulation|SimulationHost|Training|Pace)\b"
-    rb"|\bLudus\.(?:start_training|play_round|write_policies)\b"
+    rb"|(?:\bLudus|/root/Ludus[\"']\))\.(?:start_training|play_round|write_policies)\b"
     rb"|addons/ludus/ludus_(?:simulation|simulation_host|training|pace)\.gd"
 )
 """What Godot 3's add-on had until version 0.1.0: simulations in code, and guided training."""
+
+_AUTOLOAD_TYPE = re.compile(rb"(:\s*|->\s*|\bas\s+)LudusBridge\b(?!\s*\.)")
+"""The autoload as a type: the class of that name has only its enums since it is no node."""
 
 
 def moved_scripts(bundled: Iterable[str]) -> dict[str, str]:
@@ -40,7 +43,10 @@ def moved_scripts(bundled: Iterable[str]) -> dict[str, str]:
 
 
 def rewrite_references(root: Path, folder: str, moved: dict[str, str]) -> tuple[str, ...]:
-    """Rewrite the paths of moved scripts in all scenes, resources, scripts and settings.
+    """Rewrite what a Godot 4 project says of scripts that have moved, in all of its text files.
+
+    These are the paths in scenes, resources, scripts and settings, and the type ``LudusBridge`` of
+    variables that hold the autoload, which becomes ``Node``.
 
     Args:
         root: Folder of the project.
@@ -62,6 +68,8 @@ def rewrite_references(root: Path, folder: str, moved: dict[str, str]) -> tuple[
     for file in _text_files(root, root / folder):
         before = file.read_bytes()
         after = pattern.sub(lambda match: prefix + moved[match[1].decode()].encode(), before)
+        if file.suffix == ".gd":
+            after = _AUTOLOAD_TYPE.sub(rb"\1Node", after)
         if after != before:
             mode = file.stat().st_mode
             write_atomically(file, after)

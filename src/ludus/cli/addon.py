@@ -88,7 +88,7 @@ def _print_change(name: str, change: AddonChange) -> None:
     )
     sys.stdout.write(f"{name} {change.version_after} ({what}): {counts}\n")
     for path in change.rewritten:
-        sys.stdout.write(f"  rewritten: {path} (scripts of the add-on have moved)\n")
+        sys.stdout.write(f"  rewritten: {path} (paths or names of the add-on have changed)\n")
 
 
 def _status(command: Status) -> int:

@@ -6,6 +6,7 @@ extends Node
 ## Rounds are played by [LudusClassicSimulation]s, in the worlds that the trainer asks for; without
 ## a trainer this node has worlds of its own, which stand still unless somebody plays them.
 
+const LudusAutoload := preload("res://addons/ludus/bridge/ludus_bridge.gd")
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
 
 const WORLD_SCENE := "res://addons/ludus_classic/ludus_classic_world.tscn"
@@ -79,7 +80,7 @@ func _ready() -> void:
 	_prepare_training()
 	for child: Node in [_worlds, _ai_tcp, training]:
 		add_child(child)
-	var bridge := get_node_or_null(BRIDGE_PATH) as LudusBridge
+	var bridge := get_node_or_null(BRIDGE_PATH) as LudusAutoload
 	if bridge != null:
 		bridge.training_started.connect(_leave_to_trainer.unbind(1))
 		bridge.training_status.connect(_take_in)

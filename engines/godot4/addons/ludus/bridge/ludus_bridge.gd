@@ -1,5 +1,4 @@
 @icon("res://addons/ludus/icons/ludus_bridge.svg")
-class_name LudusBridge
 extends Node
 ## Joins the game with a trainer: connects, then lets exactly the asked number of ticks pass between
 ## two messages.
@@ -16,7 +15,7 @@ signal training_started(num_worlds: int)
 ## [code]mean_return[/code] (a number, or null as long as there is none).
 signal training_status(status: Dictionary)
 ## Emitted when the trainer has put a policy into another mode, and once at the start.
-signal policy_mode_changed(policy: String, mode: PolicyMode)
+signal policy_mode_changed(policy: String, mode: LudusBridge.PolicyMode)
 
 ## What the bridge does in the next tick.
 enum Phase {
@@ -29,13 +28,6 @@ enum Phase {
 	WAITING,  ## The trainer is silent: frames pass, worlds stand still. Only in a guiding game.
 	STANDING_BY,  ## The game goes on by itself until the trainer wants something.
 	ENDED,  ## The game quits.
-}
-
-## How a policy takes part in training.
-enum PolicyMode {
-	TRAIN,  ## It learns.
-	FROZEN,  ## It acts as in training, with chance, and learns nothing.
-	DETERMINISTIC,  ## It takes its most probable action and learns nothing.
 }
 
 const LudusArguments := preload("res://addons/ludus/bridge/arguments.gd")
@@ -54,8 +46,6 @@ const LudusSessionSetup := preload("res://addons/ludus/bridge/session_setup.gd")
 const LudusStage := preload("res://addons/ludus/world/stage.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
-## Custom feature of an export preset whose release builds may be trained.
-const TRAINABLE_FEATURE := "ludus"
 const NOT_TRAINABLE := (
 	"exported without the feature `ludus`: " + "add it to the preset's custom features"
 )
@@ -88,23 +78,11 @@ var _bridge_us: int = 0
 var _wait_us: int = 0
 
 
-## Whether a trainer has started the game, or it shall wait for one.
-static func has_trainer_arguments() -> bool:
-	var arguments := LudusArguments.read()
-	return arguments.has_trainer() or not arguments.play_scene.is_empty()
-
-
-## Whether a trainer may have this game: in the editor's engine, in debug builds, and in release
-## builds with the custom feature [constant TRAINABLE_FEATURE]. Others are for players only.
-static func is_trainable() -> bool:
-	return OS.has_feature("editor") or OS.is_debug_build() or OS.has_feature(TRAINABLE_FEATURE)
-
-
 ## Whether people see the game who may see what its agents see.
 func is_watchable() -> bool:
 	var is_drawn := DisplayServer.get_name() != "headless"
 	var is_for_people := _arguments.has_controls or _arguments.has_debug_view
-	return is_drawn and (is_trainable() or is_for_people)
+	return is_drawn and (LudusBridge.is_trainable() or is_for_people)
 
 
 func _init() -> void:
@@ -197,7 +175,7 @@ func report_metric(metric: String, value: float, reporter: Node) -> void:
 
 ## Asks the trainer to put a policy into another mode. Returns false if nobody trains the game, or
 ## if it has no such policy; the signal [signal policy_mode_changed] tells when it is done.
-func set_policy_mode(policy: String, mode: PolicyMode) -> bool:
+func set_policy_mode(policy: String, mode: LudusBridge.PolicyMode) -> bool:
 	return _requests.set_mode(policy, mode)
 
 
@@ -394,11 +372,11 @@ func _handle_call() -> bool:
 func _start() -> void:
 	_phase = Phase.MANUAL
 	_manual = LudusManualPlay.new()
-	if not is_trainable() and _arguments.play_scene.is_empty():
+	if not LudusBridge.is_trainable() and _arguments.play_scene.is_empty():
 		if _arguments.has_trainer():
 			_end(NOT_TRAINABLE)
 		return
-	if not has_trainer_arguments() and guided.is_in_scene():
+	if not LudusBridge.has_trainer_arguments() and guided.is_in_scene():
 		return
 	if _link == null:
 		_link = LudusLink.new()

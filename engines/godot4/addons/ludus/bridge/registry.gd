@@ -1,10 +1,16 @@
 extends RefCounted
 ## What of Ludus there is in this process: the bridge, its pace, and the agents.
+##
+## Static, as nodes of any scene need it, with the autoload or without. Each of them takes itself
+## out when it leaves the tree; only [member watched_ticks] is a setting of the whole game.
+
+const LudusAutoload := preload("res://addons/ludus/bridge/ludus_bridge.gd")
+const LudusGamePace := preload("res://addons/ludus/training/game_pace.gd")
 
 ## The autoload; null as long as it is not in the tree.
-static var bridge: LudusBridge
+static var bridge: LudusAutoload
 ## What lets the game's time pass; null as long as it is not in the tree.
-static var pace: LudusPace
+static var pace: LudusGamePace
 ## Ticks per second while people watch, see [method LudusPace.watch_at]; 0: the project's.
 static var watched_ticks: int = 0
 ## What shows the observations and decisions of an agent; null as long as there is none.

@@ -20,6 +20,7 @@ enum Event {
 	LOSE,  ## It has gone, or none was found.
 }
 
+const LudusGamePace := preload("res://addons/ludus/training/game_pace.gd")
 const LudusLink := preload("res://addons/ludus/bridge/link.gd")
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
 const LudusStage := preload("res://addons/ludus/world/stage.gd")
@@ -69,7 +70,7 @@ var is_standing_by: bool = false
 
 ## The node with the settings, as long as it guides or looks for a trainer.
 var _settings: LudusTraining
-var _pace := LudusPace.new()
+var _pace := LudusGamePace.new()
 ## Frame in which the trainer had nothing to say.
 var _silent_frame: int = -1
 var _server: LudusTrainerProcess

@@ -40,7 +40,7 @@ const _NUMBERS: Array[StringName] = [&"learning_rate", &"discount"]
 		algorithm = value
 		notify_property_list_changed()
 ## Whether the policy learns from the start. The game may change it later with
-## [method LudusBridge.set_policy_mode].
+## [code]Ludus.set_policy_mode()[/code].
 @export var mode: Mode = Mode.TRAIN
 ## Step size of the optimiser; negative: the trainer's choice.
 @export_range(-1.0, 1.0, 0.00001, "or_greater") var learning_rate: float = UNSET

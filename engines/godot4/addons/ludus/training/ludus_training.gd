@@ -154,7 +154,7 @@ func write_policies() -> bool:
 	return _guided != null and _told(_guided.requests.add_guided("write_policies"))
 
 
-## Puts a policy into another mode; see [method LudusBridge.set_policy_mode].
+## Puts a policy into another mode; as [code]Ludus.set_policy_mode()[/code] does.
 func set_policy_mode(policy: String, mode: LudusBridge.PolicyMode) -> bool:
 	return _guided != null and _told(_guided.requests.set_mode(policy, mode))
 
