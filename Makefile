@@ -173,14 +173,15 @@ test-bevy: cargo renderers $(LIBRARIES)/.ready
 cargo:
 	@command -v cargo > /dev/null || { echo "the Bevy crates need Cargo: $(CARGO_HINT)"; exit 1; }
 
-# Builds Bevy with its renderer, which the examples with pictures use again.
+# The first compiles Bevy with its renderer, for the tests of all crates; the examples with pictures use it again. The second
+# compiles it without, for games that play policies and have no trainer; the examples without pictures use that one.
 # Tests in comments would look for the job server of make, in vain, and warn of that.
 bevy-test: cargo
 	cd $(BEVY_PROJECT) && MAKEFLAGS= cargo test --release --config checked.toml --locked --workspace --features '$(BEVY_FEATURES)'
 	cd $(BEVY_PROJECT) && MAKEFLAGS= cargo test --release --config checked.toml --locked --package bevy_ludus --no-default-features --test policies
 
-# Built here, as no test should have to wait for it: the examples with pictures, on the Bevy of bevy-test; the others, on
-# a Bevy without its renderer, which the game of docs/bevy.md uses again.
+# Built here, as no test should have to wait for it: five examples with pictures, then three without, for which Bevy is not
+# compiled again, nor for the game of docs/bevy.md, which a test builds. tests/bevy/test_builds.py holds that.
 bevy-examples: cargo
 	cd $(BEVY_PROJECT) && for example in beacon "cartpole --features view" "shooter --features view" "shooter --features pixels" \
 		rest_tiles cartpole shooter rest_cartpole; \
