@@ -98,8 +98,8 @@ def test_all_runtimes_agree_about_every_policy(
     assert names == ["hero.ludus.json", "mixed.ludus.json"]
 
 
-def require_parity_lines(output: str, num_policies: int) -> None:
-    for runtime in ("NumPy", "ONNX Runtime", r"Godot 4\.\S+"):
+def require_parity_lines(output: str, num_policies: int, godot: int = 4) -> None:
+    for runtime in ("NumPy", "ONNX Runtime", rf"Godot {godot}\.\S+"):
         line = rf"^    {runtime} +outputs {FIGURE}, actions {FIGURE}"
         found = re.findall(line, output, re.M)
         assert len(found) == num_policies, output
@@ -125,15 +125,17 @@ def test_a_target_that_is_not_there_is_named(run: Path, capsys: pytest.CaptureFi
 
 
 @pytest.mark.engine
+@pytest.mark.parametrize("godot", [4, 3])
 def test_cartpole_from_training_to_the_engine(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    godot: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    train = ["train", "cartpole", "--runs", str(tmp_path), "--name", "r", "--total-steps", "4096"]
+    target = f"godot{godot}:cartpole"
+    train = ["train", target, "--runs", str(tmp_path), "--name", "r", "--total-steps", "4096"]
     assert main([*train, "--num-worlds", "16", "--evaluation-episodes", "0"]) == 0
     capsys.readouterr()
     run = str(tmp_path / "r")
     assert main(["export", run]) == 0
-    require_parity_lines(capsys.readouterr().out, 1)
+    require_parity_lines(capsys.readouterr().out, 1, godot)
     assert (tmp_path / "r/cart.ludus.json").is_file()
     for flags in ([], ["--stochastic"]):
         play = ["play", run, "--in-engine", "--headless", "--episodes", "3"]

@@ -1,4 +1,4 @@
-"""The add-on's inference in real Godot computes what PyTorch computes."""
+"""The add-ons' inference in both real Godots computes what PyTorch computes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import torch
 
-from ludus.engine import InstalledEngine
+from ludus.engine import EngineKind, InstalledEngine, find_engine
 from ludus.errors import EngineError, EngineTimeout, ParityError
 from ludus.export import engines as engine_runtimes
 from ludus.export.convert import to_model
@@ -35,10 +35,19 @@ ATARI = dataclasses.replace(
 )
 
 
+@pytest.fixture(params=[EngineKind.GODOT4, EngineKind.GODOT3], ids=str)
+def godot(request: pytest.FixtureRequest) -> InstalledEngine:
+    return find_engine(request.param)
+
+
 def engines() -> list[int]:
     """Return the ids of the parity tests in Godot that we have started."""
-    script = str(engine_runtimes.SCRIPT)
-    return [process.pid for process in started_processes() if script in command_of(process)]
+    scripts = {str(engine_runtimes.SCRIPT), str(engine_runtimes.SCRIPT3)}
+    return [
+        process.pid
+        for process in started_processes()
+        if not scripts.isdisjoint(command_of(process))
+    ]
 
 
 def measure(policy: Policy, folder: Path, engine: InstalledEngine) -> ParityReport:
@@ -53,44 +62,44 @@ def measure(policy: Policy, folder: Path, engine: InstalledEngine) -> ParityRepo
     [
         (SIMPLE, PPOConfig(hidden_sizes=(64, 64))),
         (MIXED, PPOConfig(hidden_sizes=(16, 7), activation="elu", squash=True)),
-        (MIXED, PPOConfig(hidden_sizes=(9,), memory_size=6, state_dependent_std=True)),
+        (MIXED, PPOConfig(hidden_sizes=(9,), memory_size=7, state_dependent_std=True)),
         (MIXED, SACConfig(hidden_sizes=(16,), activation="silu", normalise_observation=False)),
         (ATARI, PPOConfig(hidden_sizes=(16,), activation="relu")),
     ],
     ids=["simple", "mixed", "memory", "sac", "atari"],
 )
 def test_godot_computes_the_same(
-    spec: PolicySpec, config: PolicyConfig, godot4: InstalledEngine, tmp_path: Path
+    spec: PolicySpec, config: PolicyConfig, godot: InstalledEngine, tmp_path: Path
 ) -> None:
-    report = measure(make_policy(spec, config, noise=0.01), tmp_path, godot4)
+    report = measure(make_policy(spec, config, noise=0.01), tmp_path, godot)
     require_parity(report)
-    godot = report.comparisons[-1]
-    assert godot.runtime.startswith("Godot 4.")
-    assert 0 < godot.outputs <= 1e-4
+    comparison = report.comparisons[-1]
+    assert comparison.runtime.startswith(f"Godot {godot.version[0]}.")
+    assert 0 < comparison.outputs <= 1e-4
     assert engines() == []
 
 
-def test_godot_notices_an_altered_weight(godot4: InstalledEngine, tmp_path: Path) -> None:
+def test_godot_notices_an_altered_weight(godot: InstalledEngine, tmp_path: Path) -> None:
     policy = make_policy(SIMPLE)
     model = to_model(policy, SIMPLE)
     path = tmp_path / "policy.ludus.json"
     write_model(path, model)
     with torch.no_grad():
         next(iter(policy.actor.parameters()))[0, 0] += 0.05
-    report = measure_parity(policy, model, PolicyFiles(path), godot4, {})
+    report = measure_parity(policy, model, PolicyFiles(path), godot, {})
     assert not report.comparisons[-1].is_equal
     godot_alone = dataclasses.replace(report, comparisons=report.comparisons[-1:])
-    with pytest.raises(ParityError, match=r"policy hero: Godot 4\.\S+ differs from PyTorch by"):
+    with pytest.raises(ParityError, match=r"policy hero: Godot [34]\.\S+ differs from PyTorch by"):
         require_parity(godot_alone)
 
 
 def test_a_file_that_godot_refuses_is_an_error(
-    godot4: InstalledEngine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    godot: InstalledEngine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     policy = make_policy(SIMPLE)
     monkeypatch.setattr(engine_runtimes, "write_request", write_broken_request)
     with pytest.raises(EngineError, match="does not run in Godot") as error:
-        measure(policy, tmp_path, godot4)
+        measure(policy, tmp_path, godot)
     assert "is not JSON" in error.value.message
     assert "--no-parity" in error.value.hint
     assert engines() == []
@@ -106,15 +115,15 @@ def write_broken_request(folder: Path, path: Path, *_: object) -> None:
 
 
 def test_an_engine_that_takes_too_long_is_ended(
-    godot4: InstalledEngine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    godot: InstalledEngine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The real engine, which somebody stops before it can begin."""
     stopped = tmp_path / "stopped"
-    program = godot4.executable(headless=True)
+    program = godot.executable(headless=True)
     stopped.write_text(f'#!/bin/sh\nkill -STOP $$\nexec "{program}" "$@"\n')
     stopped.chmod(0o755)
     monkeypatch.setattr(engine_runtimes, "TIMEOUT_S", 0.5)
     with pytest.raises(EngineTimeout, match="did not test the policy within") as error:
-        measure(make_policy(SIMPLE), tmp_path, dataclasses.replace(godot4, path=stopped))
+        measure(make_policy(SIMPLE), tmp_path, dataclasses.replace(godot, path=stopped))
     assert "--no-parity" in error.value.hint
     assert engines() == []

@@ -1,4 +1,4 @@
-"""Games that somebody else started: one that listens, and one in which Play was pressed."""
+"""Games of both Godots that somebody else started: one listens, in one Play was pressed."""
 
 from __future__ import annotations
 
@@ -32,13 +32,14 @@ from tests.targets import find_scene
 pytestmark = pytest.mark.engine
 START_TIMEOUT_S = 30.0
 TOKEN = "a secret of enough characters"
+both_engines = pytest.mark.parametrize("kind", list(EngineKind), ids=str)
 
 
 @contextmanager
-def running_game(*user_args: str) -> Generator[EngineProcess]:
+def running_game(*user_args: str, kind: EngineKind = EngineKind.GODOT4) -> Generator[EngineProcess]:
     """CartPole as its developer would start it, knowing nothing of a trainer."""
-    project = find_scene("cartpole").project
-    engine = find_engine(EngineKind.GODOT4)
+    project = find_scene(f"{kind}:cartpole").project
+    engine = find_engine(kind)
     ensure_imported(engine, project)
     flags = GodotFlags(user_args=user_args)
     scene = "res://examples/cartpole/cartpole.tscn"
@@ -69,9 +70,10 @@ def is_listened_at(port: int) -> bool:
     )
 
 
-def test_a_game_that_listens_is_stepped_and_quits_afterwards() -> None:
+@both_engines
+def test_a_game_that_listens_is_stepped_and_quits_afterwards(kind: EngineKind) -> None:
     port = free_port()
-    with running_game(f"--ludus-listen=tcp:127.0.0.1:{port}") as game:
+    with running_game(f"--ludus-listen=tcp:127.0.0.1:{port}", kind=kind) as game:
         await_port(port)
         envs = ludus.make_vec(f"127.0.0.1:{port}", num_worlds=3)
         observation, _ = envs.reset(seed=1)
@@ -82,15 +84,16 @@ def test_a_game_that_listens_is_stepped_and_quits_afterwards() -> None:
         assert game.wait(20.0) == 0
 
 
-def test_attached_and_started_games_play_the_same_episode() -> None:
+@both_engines
+def test_attached_and_started_games_play_the_same_episode(kind: EngineKind) -> None:
     port = free_port()
-    with running_game(f"--ludus-listen=tcp:127.0.0.1:{port}"):
+    with running_game(f"--ludus-listen=tcp:127.0.0.1:{port}", kind=kind):
         await_port(port)
         attached = ludus.make(f"127.0.0.1:{port}")
         first, _ = attached.reset(seed=7)
         after = attached.step(1)[0]
         attached.close()
-    started = ludus.make("cartpole")
+    started = ludus.make(f"{kind}:cartpole")
     assert np.array_equal(started.reset(seed=7)[0], first)
     assert np.array_equal(started.step(1)[0], after)
     started.close()
@@ -153,14 +156,15 @@ def test_nobody_listens() -> None:
     assert "--ludus-listen" in error.value.hint
 
 
-def test_waiting_for_play() -> None:
+@both_engines
+def test_waiting_for_play(kind: EngineKind) -> None:
     import threading
 
     made: list[ludus.LudusEnv] = []
     waiter = threading.Thread(target=lambda: made.append(ludus.make("play")), daemon=True)
     waiter.start()
     await_port(DEFAULT_PORT)
-    with running_game() as game:
+    with running_game(kind=kind) as game:
         waiter.join(START_TIMEOUT_S)
         assert made, game.last_lines(20)
         observation, _ = made[0].reset(seed=3)
@@ -176,8 +180,9 @@ def test_nobody_presses_play() -> None:
         ludus.make("play", launch=options)
 
 
-def test_without_a_trainer_the_game_plays_on() -> None:
-    with running_game() as game:
+@both_engines
+def test_without_a_trainer_the_game_plays_on(kind: EngineKind) -> None:
+    with running_game(kind=kind) as game:
         assert game.wait(3.0) is None, game.last_lines(20)
         assert not game.script_errors
 

@@ -1,10 +1,12 @@
-"""Games exported with the release template: they train, and they play without Python."""
+"""Exported games of both Godots: they train, and they play without Python."""
 
 from __future__ import annotations
 
 import contextlib
 import itertools
 import json
+import os
+import re
 import shutil
 import subprocess
 import sys
@@ -22,7 +24,10 @@ from numpy.typing import NDArray
 import ludus
 from ludus.cli import main
 from ludus.engine import (
+    EngineKind,
     ExportTemplate,
+    GodotFlags,
+    executable_command,
     export_game,
 )
 from ludus.engine.bundled import bundled_root
@@ -33,6 +38,7 @@ from ludus.runs.run_folder import RunFolder
 from ludus.session import LaunchOptions, open_session
 from ludus.spec import PolicySpec
 from ludus.wire.handshake import EngineConfig
+from tests.godot_project import export_project
 from tests.serve.guided.test_press_play import free_port, servers
 from tests.targets import find_game
 
@@ -43,10 +49,16 @@ FULL_LENGTH = 250
 TIMEOUT_S = 60.0
 
 
-@pytest.fixture(scope="session")
-def cart() -> PolicySpec:
+@pytest.fixture(scope="module", params=["godot4", "godot3"])
+def kind(request: pytest.FixtureRequest) -> str:
+    """Which Godot it is."""
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def cart(kind: str) -> PolicySpec:
     """What the agent of CartPole declares."""
-    session = open_session(find_game("cartpole"), EngineConfig(), LaunchOptions())
+    session = open_session(find_game(f"{kind}:cartpole"), EngineConfig(), LaunchOptions())
     with contextlib.closing(session):
         return session.policies["cart"]
 
@@ -68,7 +80,8 @@ def linear_policy(spec: PolicySpec, push_right: list[float]) -> PolicyModel:
     )
 
 
-POLICY = """\
+POLICY = {
+    "godot4": """\
 [ext_resource type="Script" path="res://addons/ludus/policy/ludus_policy.gd" id="policy"]
 [ext_resource type="JSON" path="res://balance.ludus.json" id="model"]
 
@@ -76,7 +89,26 @@ POLICY = """\
 script = ExtResource("policy")
 model = ExtResource("model")
 
-"""
+""",
+    "godot3": """\
+[ext_resource path="res://addons/ludus/ludus_policy.gd" type="Script" id=9]
+
+[sub_resource type="Resource" id=9]
+script = ExtResource( 9 )
+model = "res://balance.ludus.json"
+
+""",
+}
+AGENT = {
+    "godot4": (
+        '[node name="LudusAgent" type="Node" parent="."]\nscript = ExtResource("2")\n',
+        'policy = SubResource("balance")\n',
+    ),
+    "godot3": (
+        '[node name="LudusAgent" type="Node" parent="."]\nscript = ExtResource( 2 )\n',
+        "policy = SubResource( 9 )\n",
+    ),
+}
 
 
 TRAINING = """[gd_scene format=3]
@@ -91,22 +123,28 @@ scene_path = "res://examples/cartpole/cartpole.tscn"
 """
 
 
-@pytest.fixture(scope="session")
-def project(cart: PolicySpec, tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture(scope="module")
+def project(kind: str, cart: PolicySpec, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The bundled project; it starts with a CartPole that a policy of its own balances."""
     folder = tmp_path_factory.mktemp("project") / "examples"
-    shutil.copytree(bundled_root(), folder, ignore=shutil.ignore_patterns(".godot", "tests"))
+    ignored = shutil.ignore_patterns(".godot", ".import", "tests")
+    shutil.copytree(bundled_root(EngineKind(kind)), folder, ignore=ignored)
     # Angle and angular velocity, both to the right of upright: the cart must follow.
     write_model(folder / "balance.ludus.json", linear_policy(cart, [0.0, 0.0, 1.0, 1.0]))
     scene = (folder / "examples/cartpole/cartpole.tscn").read_text()
-    scene = replace_once(scene, "[sub_resource", POLICY + "[sub_resource")
-    agent = '[node name="LudusAgent" type="Node" parent="."]\nscript = ExtResource("2")\n'
-    scene = replace_once(scene, agent, agent + 'policy = SubResource("balance")\n')
-    (folder / "balance.tscn").write_text(scene)
-    settings = (folder / "project.godot").read_text()
-    settings = replace_once(settings, "res://gallery/gallery.tscn", "res://balance.tscn")
-    (folder / "project.godot").write_text(settings)
+    scene = replace_once(scene, "[sub_resource", POLICY[kind] + "[sub_resource")
+    agent, policy = AGENT[kind]
+    (folder / "balance.tscn").write_text(replace_once(scene, agent, agent + policy))
+    set_main_scene(folder, "balance")
     return folder
+
+
+def set_main_scene(folder: Path, name: str) -> None:
+    settings = (folder / "project.godot").read_text()
+    line = f'run/main_scene="res://{name}.tscn"'
+    changed, count = re.subn(r"^run/main_scene=.*$", line, settings, flags=re.MULTILINE)
+    assert count == 1
+    (folder / "project.godot").write_text(changed)
 
 
 def replace_once(text: str, old: str, new: str) -> str:
@@ -114,11 +152,13 @@ def replace_once(text: str, old: str, new: str) -> str:
     return text.replace(old, new, 1)
 
 
-@pytest.fixture(scope="session")
-def game(project: Path, template: ExportTemplate, tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture(scope="module")
+def game(
+    kind: str, project: Path, template: ExportTemplate, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
     """The exported game; nothing of the project is left beside it."""
     output = tmp_path_factory.mktemp("exported") / "game.x86_64"
-    return export_game(project, output)
+    return export_project(kind, project, output)
 
 
 def record(target: str) -> NDArray[np.float32]:
@@ -136,8 +176,8 @@ def record(target: str) -> NDArray[np.float32]:
     return np.stack(rows)
 
 
-def test_exported_game_is_the_environment_that_the_project_is(game: Path) -> None:
-    exported, from_editor = record(str(game)), record("cartpole")
+def test_exported_game_is_the_environment_that_the_project_is(kind: str, game: Path) -> None:
+    exported, from_editor = record(str(game)), record(f"{kind}:cartpole")
     assert exported.shape == (NUM_STEPS, 4, 7)
     assert exported[:, :, 5].sum() > 4  # episodes have ended
     np.testing.assert_array_equal(exported, from_editor)
@@ -162,11 +202,11 @@ class Played:
 
 def play_alone(game: Path, home: Path, num_episodes: int, *options: str) -> Played:
     """Start a game as a player would, outside of any project and environment."""
-    command = [str(game), "--headless", "--fixed-fps", "60", "--", "--ludus-report", *options]
+    command = executable_command(game, GodotFlags(user_args=("--ludus-report", *options)))
     with subprocess.Popen(
         command,
         cwd=home,
-        env={"HOME": str(home)},
+        env={"HOME": str(home), "PATH": os.environ["PATH"]},
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
@@ -178,13 +218,21 @@ def play_alone(game: Path, home: Path, num_episodes: int, *options: str) -> Play
             reports = (line for line in process.stderr if line.startswith("ludus-episode "))
             lines = list(itertools.islice(reports, num_episodes))
             assert len(lines) == num_episodes, "the game ended, or took too long"
-            running = psutil.Process(process.pid)
+            running = game_process(psutil.Process(process.pid), game)
             children, connections = running.children(), running.net_connections("all")
         finally:
             watchdog.cancel()
-            process.kill()
+            for each in [*psutil.Process(process.pid).children(recursive=True), process]:
+                each.kill()
     episodes = [json.loads(line.removeprefix("ludus-episode ")) for line in lines]
     return Played(episodes, len(children), len(connections))
+
+
+def game_process(started: psutil.Process, game: Path) -> psutil.Process:
+    """Find the game among what was started: Godot 3 may need a virtual screen, which starts it."""
+    pack = str(game.with_suffix(".pck"))
+    inner = (each for each in started.children(recursive=True) if pack in each.cmdline())
+    return next(inner, started)
 
 
 def test_exported_game_plays_its_policy_without_python(game: Path, tmp_path: Path) -> None:
@@ -204,15 +252,14 @@ def test_exported_game_plays_the_policy_of_the_command_line(
     assert all(0 < episode["length"] < FULL_LENGTH / 2 for episode in episodes)
 
 
+@pytest.mark.parametrize("kind", ["godot4"], indirect=True)
 def test_exported_game_guides_its_training(
     project: Path, template: ExportTemplate, tmp_path: Path
 ) -> None:
     folder, port = tmp_path / "project", free_port()
     shutil.copytree(project, folder)
     (folder / "training.tscn").write_text(TRAINING.format(port=port))
-    settings = (folder / "project.godot").read_text()
-    settings = replace_once(settings, "res://balance.tscn", "res://training.tscn")
-    (folder / "project.godot").write_text(settings)
+    set_main_scene(folder, "training")
     game = export_game(folder, tmp_path / "exported" / "game.x86_64")
     shutil.rmtree(folder)
     environment = {"HOME": str(tmp_path), "LUDUS_PYTHON": sys.executable}

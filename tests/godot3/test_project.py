@@ -35,6 +35,7 @@ def test_the_add_on_is_installed_once(tmp_path: Path) -> None:
 DROPPED = {
     "game.gd": "extends LudusSimulation\n",
     "menu.gd": "func _pressed():\n\tLudus.start_training()\n",
+    "find.gd": "func _pressed():\n\tget_node('/root/Ludus').write_policies()\n",
     "host.tscn": '[ext_resource path="res://addons/ludus/ludus_simulation_host.gd" id=1]\n',
 }
 

@@ -1,12 +1,13 @@
-"""Policies play in real games without a trainer."""
+"""Policies play in real games of both Godots without a trainer."""
 
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import threading
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -14,15 +15,22 @@ import numpy as np
 import pytest
 
 import ludus
-from ludus.engine import EngineKind, InstalledEngine, ensure_imported, find_engine, read_project
+from ludus.engine import (
+    EngineKind,
+    GodotFlags,
+    ensure_imported,
+    executable_command,
+    find_engine,
+    godot_command,
+    read_project,
+)
 from ludus.engine.bundled import runnable_bundled_root
-from ludus.engine.export_game import export_game
 from ludus.model import ModelRunner, PolicyModel, write_model
 from ludus.model.policy_model import Distribution, Linear
 from ludus.spec import DiscreteAction, ObservationEntry
-from tests.godot_project import write_project
+from tests.godot_project import export_project, write_project
 
-pytestmark = pytest.mark.engine
+pytestmark = [pytest.mark.engine, pytest.mark.timeout(300)]
 
 TIMEOUT_S = 60.0
 CARTPOLE = "res://examples/cartpole/cartpole.tscn"
@@ -31,27 +39,33 @@ CARTPOLE = "res://examples/cartpole/cartpole.tscn"
 POLE = """\
 extends Node
 var lean := 0.0
-var steps := 0
+var num_ticks := 0
 func _ready() -> void:
-	Ludus.player.episode_ended.connect(tell)
+	var bridge = get_node_or_null("/root/Ludus")
+	var player = bridge.player if bridge != null else $Player
+	var _error = player.connect("episode_ended", {callable})
+func _physics_process(_delta: float) -> void:
+	num_ticks += 1
+	if num_ticks == 100:
+		get_tree().quit()
 func apply_action(action: int) -> void:
 	lean = lean * 1.5 + (0.4 if action == 1 else -0.4)
-	steps += 1
 func get_observation() -> Array:
 	return [lean]
 func get_reward() -> float:
 	return 2.0
 func is_done() -> bool:
-	return absf(lean) > 2.0
+	return abs(lean) > 2.0
 func reset() -> void:
 	lean = 0.3
-	steps = 0
 func tell(policy: String, agent: LudusAgent, total: float, length: int) -> void:
 	print("told %s %s %.0f %d" % [policy, agent.name, total, length])
 	get_tree().quit()
 """
+CALLABLES = {"godot4": "tell", "godot3": 'self, "tell"'}
 
-SCENE = """\
+SCENES = {
+    "godot4": """\
 [gd_scene format=3]
 
 [ext_resource type="Script" path="res://pole.gd" id="1"]
@@ -78,7 +92,42 @@ action = Array[ExtResource("3")]([SubResource("action")])
 ticks_per_step = 1
 max_episode_steps = 20
 policy = SubResource("policy")
-"""
+""",
+    "godot3": """\
+[gd_scene format=2]
+[ext_resource path="res://pole.gd" type="Script" id=1]
+[ext_resource path="res://addons/ludus/ludus_agent.gd" type="Script" id=2]
+[ext_resource path="res://addons/ludus/ludus_action_component.gd" type="Script" id=3]
+[ext_resource path="res://addons/ludus/ludus_policy.gd" type="Script" id=4]
+[sub_resource type="Resource" id=1]
+script = ExtResource( 3 )
+name = "push"
+[sub_resource type="Resource" id=2]
+script = ExtResource( 4 )
+model = "res://pole.ludus.json"
+[node name="Pole" type="Node"]
+script = ExtResource( 1 )
+[node name="Agent" type="Node" parent="."]
+script = ExtResource( 2 )
+policy_name = "pole"
+action = [ SubResource( 1 ) ]
+ticks_per_step = 1
+max_episode_steps = 20
+policy = SubResource( 2 )
+""",
+}
+# What takes the place of the autoload in a game without it: a script, and a node with it.
+PLAYERS = {
+    "godot4": (
+        '[ext_resource type="Script" path="res://addons/ludus/policy/ludus_policy_player.gd"'
+        ' id="6"]\n',
+        '[node name="Player" type="Node" parent="."]\nscript = ExtResource("6")\n',
+    ),
+    "godot3": (
+        '[ext_resource path="res://addons/ludus/ludus_policy_player.gd" type="Script" id=6]\n',
+        '[node name="Player" type="Node" parent="."]\nscript = ExtResource( 6 )\n',
+    ),
+}
 
 
 def linear_policy(name: str, weights: list[float]) -> PolicyModel:
@@ -106,7 +155,7 @@ FALLING = linear_policy("cart", [0.0, 0.0, -1.0, -1.0])
 class Game:
     """A running game whose output is read as it comes, until it ends or is stopped."""
 
-    def __init__(self, command: list[str]) -> None:
+    def __init__(self, command: Sequence[str]) -> None:
         self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         self._timer = threading.Timer(TIMEOUT_S, self._process.kill)
         self._timer.start()
@@ -141,20 +190,24 @@ class Game:
 
 
 class Games:
-    """Starts games and stops them at the end of the test."""
+    """Starts games of one engine and stops them at the end of the test."""
 
-    def __init__(self, engine: InstalledEngine) -> None:
-        self._engine = engine
+    def __init__(self, kind: str) -> None:
+        self.kind = kind
+        self._engine = find_engine(EngineKind(kind))
         self._games: list[Game] = []
 
-    def start(self, root: Path, scene: str, *user_args: str, num_frames: int = 0) -> Game:
-        ensure_imported(self._engine, read_project(root))
-        program = str(self._engine.executable(headless=True))
-        flags = ["--headless", "--fixed-fps", "60", "--path", str(root), scene]
-        flags += ["--quit-after", str(num_frames)] if num_frames else []
-        return self.run([program, *flags, "--", *user_args])
+    @property
+    def examples(self) -> Path:
+        """The project with the examples."""
+        return runnable_bundled_root(self._engine.kind)
 
-    def run(self, command: list[str]) -> Game:
+    def start(self, root: Path, scene: str, *user_args: str) -> Game:
+        ensure_imported(self._engine, read_project(root))
+        flags = GodotFlags(user_args=user_args)
+        return self.run(godot_command(self._engine, root, scene, flags))
+
+    def run(self, command: Sequence[str]) -> Game:
         self._games.append(Game(command))
         return self._games[-1]
 
@@ -163,38 +216,47 @@ class Games:
             game.stop()
 
 
-@pytest.fixture
-def games() -> Generator[Games]:
-    made = Games(find_engine(EngineKind.GODOT4))
+@pytest.fixture(params=["godot4", "godot3"])
+def games(request: pytest.FixtureRequest) -> Generator[Games]:
+    made = Games(request.param)
     yield made
     made.stop()
 
 
 @pytest.fixture
-def project(tmp_path: Path) -> Path:
-    return write_project(tmp_path, {"pole.gd": POLE, "pole.tscn": SCENE}, main="pole")
+def project(games: Games, tmp_path: Path) -> Path:
+    script = POLE.replace("{callable}", CALLABLES[games.kind])
+    files = {"pole.gd": script, "pole.tscn": SCENES[games.kind]}
+    return write_project(tmp_path / "project", files, main="pole", kind=games.kind)
 
 
 @pytest.mark.parametrize("policy", [BALANCING, FALLING], ids=["balancing", "falling"])
 def test_a_policy_from_the_command_line(policy: PolicyModel, games: Games, tmp_path: Path) -> None:
     path = tmp_path / "cart.ludus.json"
     write_model(path, policy)
-    game = games.start(
-        runnable_bundled_root(), CARTPOLE, f"--ludus-policy=cart={path}", "--ludus-report"
-    )
+    game = games.start(games.examples, CARTPOLE, f"--ludus-policy=cart={path}", "--ludus-report")
     lengths = [episode["length"] for episode in game.read_episodes(4)]
-    expected = lengths_in_training(policy)
+    expected = lengths_in_training(policy, f"{games.kind}:cartpole")
     if policy is BALANCING:
         assert lengths == expected == [250] * 4
     else:
         assert max(lengths) < 60 and abs(np.mean(lengths) - np.mean(expected)) < 10
 
 
-def lengths_in_training(policy: PolicyModel) -> list[int]:
+def test_draws_are_not_the_most_probable_actions(games: Games, tmp_path: Path) -> None:
+    path = tmp_path / "cart.ludus.json"
+    write_model(path, BALANCING)
+    options = (f"--ludus-policy=cart={path}", "--ludus-sample", "--ludus-report")
+    game = games.start(games.examples, CARTPOLE, *options)
+    # Its logits are close together, so half of all draws push the wrong way.
+    assert min(episode["length"] for episode in game.read_episodes(3)) < 250
+
+
+def lengths_in_training(policy: PolicyModel, target: str) -> list[int]:
     """Return the lengths of episodes that a trainer sees when the same policy acts."""
     runner = ModelRunner(policy)
     lengths: list[int] = []
-    env = ludus.make("cartpole")
+    env = ludus.make(target)
     for seed in range(4):
         observation, _ = env.reset(seed=seed)
         is_over, length = False, 0
@@ -215,20 +277,33 @@ def test_a_policy_in_the_scene(weight: float, length: int, project: Path, games:
     assert f"told pole Agent {2 * length} {length}" in game.lines, game.lines
 
 
-@pytest.mark.usefixtures("template")
-def test_a_policy_in_an_exported_game(project: Path, games: Games) -> None:
-    """The file goes along because the scene needs it, not because a filter includes it."""
+def test_a_policy_without_the_autoload(project: Path, games: Games) -> None:
     write_model(project / "pole.ludus.json", linear_policy("pole", [-1.0]))
-    program = export_game(project, project / "build" / "pole.x86_64", include=())
-    shutil.rmtree(project / "addons")
-    game = games.run([str(program), "--headless", "--fixed-fps", "60"])
+    settings, scene = project / "project.godot", project / "pole.tscn"
+    settings.write_text(re.sub(r"^Ludus=.*\n", "", settings.read_text(), flags=re.MULTILINE))
+    script, node = PLAYERS[games.kind]
+    text = scene.read_text().replace("[sub_resource", f"{script}\n[sub_resource", 1)
+    scene.write_text(text + node)
+    game = games.start(project, "res://pole.tscn")
+    assert game.wait() == 0, game.lines
+    assert "told pole Agent 40 20" in game.lines, game.lines
+
+
+@pytest.mark.usefixtures("template")
+def test_a_policy_in_an_exported_game(project: Path, games: Games, tmp_path: Path) -> None:
+    """In Godot 4 the file goes along because the scene needs it, in Godot 3 by a filter."""
+    write_model(project / "pole.ludus.json", linear_policy("pole", [-1.0]))
+    include = ("*.ludus.json",) if games.kind == "godot3" else ()
+    program = export_project(games.kind, project, tmp_path / "build" / "pole.x86_64", include)
+    shutil.rmtree(project)
+    game = games.run(executable_command(program, GodotFlags()))
     assert game.wait() == 0, game.lines
     assert "told pole Agent 40 20" in game.lines, game.lines
 
 
 def test_a_policy_that_does_not_fit_is_told(project: Path, games: Games) -> None:
     write_model(project / "pole.ludus.json", linear_policy("pole", [1.0, 1.0]))
-    game = games.start(project, "res://pole.tscn", num_frames=30)
+    game = games.start(project, "res://pole.tscn")
     assert game.wait() == 0
     text = "\n".join(game.lines)
     assert text.count('observation["observation"]: expected 2 numbers, got Array of 1') == 1, text
@@ -237,7 +312,11 @@ def test_a_policy_that_does_not_fit_is_told(project: Path, games: Games) -> None
 
 @pytest.mark.parametrize(
     ("content", "expected"),
-    [("{}", "format: missing"), ("[", "is not JSON"), (None, "cannot read")],
+    [
+        ("{}", "format: missing"),
+        ("[", "is not JSON"),
+        (None, "cannot read"),
+    ],
 )
 def test_a_wrong_file_ends_the_game(
     content: str | None, expected: str, games: Games, tmp_path: Path
@@ -245,9 +324,18 @@ def test_a_wrong_file_ends_the_game(
     path = tmp_path / "cart.ludus.json"
     if content is not None:
         path.write_text(content)
-    game = games.start(runnable_bundled_root(), CARTPOLE, f"--ludus-policy=cart={path}")
+    game = games.start(games.examples, CARTPOLE, f"--ludus-policy=cart={path}")
     assert game.wait() == 1, game.lines
     assert any("policy cart" in line and expected in line for line in game.lines), game.lines
+
+
+def test_a_policy_for_another_action_ends_the_game(games: Games, tmp_path: Path) -> None:
+    path = tmp_path / "cart.ludus.json"
+    write_model(path, BALANCING)
+    path.write_text(path.read_text().replace('"push"', '"jump"'))
+    game = games.start(games.examples, CARTPOLE, f"--ludus-policy=cart={path}")
+    assert game.wait() == 1, game.lines
+    assert any("the policy decides this component" in line for line in game.lines), game.lines
 
 
 def test_a_trainer_wins(project: Path) -> None:
