@@ -243,8 +243,8 @@ def _refuse_dropped(root: Path, installed: str | None) -> None:
     raise ConfigError(
         "the add-on for Godot 3 no longer has simulations in code and guided training "
         f"(LudusSimulation, LudusTraining, Ludus.start_training), which these files use:\n{rows}",
-        hint=f"keep the add-on of version {installed or '0.1.0'}, the last that has them: Ludus "
-        "goes on training games that have it; or move the game to Godot 4",
+        hint=f"keep the add-on of version {installed or '0.1.0'}, the last that has them: "
+        "`ludus train` goes on training games that have it; or move the game to Godot 4",
     )
 
 
