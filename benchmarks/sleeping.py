@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import time
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -57,7 +57,8 @@ class Sleeping(Wide):
         return super().step(action)
 
 
-gymnasium.register("Sleeping-v0", Sleeping)
-gymnasium.register("Pixels-v0", Wide, kwargs={"shape": (84, 84, 1), "dtype": np.uint8})
+register: Any = cast(Any, gymnasium).register
+register("Sleeping-v0", Sleeping)
+register("Pixels-v0", Wide, kwargs={"shape": (84, 84, 1), "dtype": np.uint8})
 for width in WIDTHS:
-    gymnasium.register(f"Wide-{width}-v0", Wide, kwargs={"shape": (width,)})
+    register(f"Wide-{width}-v0", Wide, kwargs={"shape": (width,)})

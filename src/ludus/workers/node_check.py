@@ -95,15 +95,12 @@ def check_nodes(config: NodeCheckConfig) -> list[NodeReport]:
     reports: list[NodeReport] = []
     for node in nodes:
         of, play = facts[node], plays.get(node)
+        known: Facts = {} if isinstance(of, Exception) else of
         speed, error, hint = None, differences[node], SAME_VERSIONS
         if play is not None:
             speed, error, hint = _judge(node, play, first)
-        line = None
-        if isinstance(of, Exception):
-            of = {}
-        else:
-            line = _megabytes_per_s(cluster, node)
-        reports.append(NodeReport(node.name, node.cpus, of, line, speed, error, hint))
+        line = _megabytes_per_s(cluster, node) if known else None
+        reports.append(NodeReport(node.name, node.cpus, known, line, speed, error, hint))
     return reports
 
 

@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import ray as ray_package
 from ray import cloudpickle
@@ -36,7 +36,7 @@ Facts = Mapping[str, Any]
 """What a node has: ``ludus``, ``python``, ``ray`` (versions), ``cores``, ``engines`` (texts)."""
 
 # What nodes are asked is sent to them as code: the Ludus of a node may be another one, or missing.
-cloudpickle.register_pickle_by_value(sys.modules[__name__])
+cast(Any, cloudpickle).register_pickle_by_value(sys.modules[__name__])
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ray import exceptions as ray_errors
-from ray.util.placement_group import (
-    placement_group,
-    placement_group_table,
-    remove_placement_group,
-)
+from ray import util as ray_util
 from ray.util.scheduling_strategies import PlacementGroupSchedulingStrategy
 
 from ludus.errors import ConfigError, MachineLost, RunError, SetupError
@@ -28,6 +24,9 @@ from ludus.workers.parcel import find_parcel
 from ludus.workers.worker import Worker, outcome_of
 
 __all__ = ["RayMachine", "open_ray_machines"]
+
+groups: Any = ray_util
+"""Its own types say little."""
 
 START_S, SILENCE_S = 120.0, 30.0
 """Seconds until a worker process runs, and without any sign of life until a worker is lost."""
@@ -208,12 +207,12 @@ class _Places:
                 "ray status lists them; ray start --address=HEAD:6379 adds one",
             )
         cpus = min(num_engines + 1, nodes[self.num_machines - 1].cpus)
-        self._group: Any = placement_group(
+        self._group: Any = groups.placement_group(
             [{"CPU": cpus}] * self.num_machines, strategy="STRICT_SPREAD"
         )
         self._left: set[int] = set()
         if not self._group.wait(timeout_seconds=START_S):
-            remove_placement_group(self._group)
+            groups.remove_placement_group(self._group)
             raise ConfigError(
                 f"the cluster has no {self.num_machines} machines with {cpus:g} free CPUs each",
                 "another run may have them: ray status; a smaller --num-engines needs less",
@@ -228,7 +227,7 @@ class _Places:
 
     def node(self, index: int) -> Node | None:
         """Return the node that a place is on; None while it is on none that lives."""
-        table: Any = placement_group_table(self._group)
+        table = groups.placement_group_table(self._group)
         found = table["bundles_to_node_id"].get(index)
         return next((node for node in self.cluster.nodes() if node.id == found), None)
 
@@ -236,7 +235,7 @@ class _Places:
         """Give the places back to other runs once all have been left."""
         self._left.add(index)
         if len(self._left) == self.num_machines and self.cluster.has_head():
-            remove_placement_group(self._group)
+            groups.remove_placement_group(self._group)
 
 
 def open_ray_machines(
@@ -280,8 +279,8 @@ def open_ray_machines(
                 return None
             raise
 
+    every = range(places.num_machines)
     try:
-        every = range(places.num_machines)
         prepare(every)
         machines += [RayMachine(places, index) for index in every]
         for index, machine in enumerate(machines):
