@@ -181,7 +181,10 @@ class RayMachine:
         if not self._is_closed:
             self._is_closed = True
             ray.wait([self._actor.call.remote("close", ())], timeout=END_S)
-            ray.wait([self._actor.leave.remote()], timeout=LEAVE_S)
+            if self._places.cluster.has_head():
+                ray.kill(self._actor)
+            else:
+                ray.wait([self._actor.leave.remote()], timeout=LEAVE_S)
         self._places.leave(self._index)
 
 
