@@ -355,7 +355,7 @@ def _rllib_steps_per_s(options: RLlib, workers: int) -> float:
 
     from ludus.rllib import LudusMultiAgentEnv, policy_of
 
-    ray.init(num_cpus=workers + 1, include_dashboard=False, log_to_driver=False)
+    ray.init(address="local", num_cpus=workers + 1, include_dashboard=False, log_to_driver=False)
     config: Any = PPOConfig()
     config = (
         config.environment(LudusMultiAgentEnv, env_config={"target": "ball_chase"})
