@@ -4,6 +4,7 @@
 # make test-fast   the tests that start no engine, in about a minute
 # make test-libraries  SB3, PettingZoo, RLlib, TorchRL and three versions of Gymnasium, each in real Godot
 # make test-cluster  training on a Ray cluster of several nodes on this machine
+# make test-editor  the panel in Godot's editor, on a screen or a virtual one
 # make test-bevy   everything in Rust, and the Python tests with Bevy games; needs Cargo
 # make campaign    random faults against training runs, for MINUTES (1) from SEED (0)
 # make lint        formatters, linters and the type checker of every language
@@ -40,7 +41,7 @@ ifneq ($(RUSTUP),)
 export RUSTUP_HOME ?= $(RUSTUP)
 endif
 
-.PHONY: setup demo test test-libraries test-cluster test-fast campaign test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples addon-zip web bench compare clean
+.PHONY: setup demo test test-libraries test-cluster test-editor test-fast campaign test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples addon-zip web bench compare clean
 .DELETE_ON_ERROR:
 
 setup: .venv/.ready
@@ -108,13 +109,13 @@ PYTEST_PARALLEL = $(BIN)/pytest --numprocesses=$(PROCESSES) --dist=loadfile --no
 # The last run names what was left out.
 test: renderers
 	@failed=0; set -x; \
-	$(BIN)/pytest -m 'alone and not bevy and not libraries and not cluster' || failed=1; \
-	$(PYTEST_PARALLEL) -m 'not alone and not bevy and not libraries and not cluster' || failed=1; \
+	$(BIN)/pytest -m 'alone and not bevy and not libraries and not cluster and not editor' || failed=1; \
+	$(PYTEST_PARALLEL) -m 'not alone and not bevy and not libraries and not cluster and not editor' || failed=1; \
 	exit $$failed
 
 # Of the examples that Hypothesis draws, the inner loop tries a fifth.
 test-fast: .venv/.ready
-	$(PYTEST_PARALLEL) --hypothesis-profile=fast -m 'not engine and not screen and not slow and not libraries and not cluster'
+	$(PYTEST_PARALLEL) --hypothesis-profile=fast -m 'not engine and not screen and not slow and not libraries and not cluster and not editor'
 
 # Environments of their own, as their packages pin each other. uv links files from its cache, PyTorch included.
 LIBRARIES := .venv/libraries
@@ -153,6 +154,10 @@ test-libraries: renderers $(LIBRARIES)/.ready
 # One cluster for all of its tests.
 test-cluster: renderers $(LIBRARIES)/.ready
 	$(LIBRARIES)/all/bin/pytest -m cluster tests/workers
+
+# One editor at a time: each draws itself on the processor.
+test-editor: renderers
+	$(BIN)/pytest -m editor
 
 # What its last line counts is what docs/reliability.md sums up.
 MINUTES ?= 1

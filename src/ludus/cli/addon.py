@@ -42,20 +42,39 @@ class Status:
     project: tyro.conf.Positional[Path]
 
 
+@dataclass(frozen=True)
+class Environment:
+    """Make a virtual environment, .venv, in a project, with this very Ludus.
+
+    If it fails or is interrupted, nothing is left of it.
+
+    Attributes:
+        project: Folder of the project.
+        size: Only say how large it becomes.
+    """
+
+    project: tyro.conf.Positional[Path]
+    size: bool = False
+
+
 COMMAND: Any = (
     Annotated[Install, tyro.conf.subcommand("install")]
+    | Annotated[Environment, tyro.conf.subcommand("environment")]
     | Annotated[Status, tyro.conf.subcommand("status")]
 )
 RENAMED_FLAGS = {"--classic": "--legacy", "--no-classic": "--no-legacy"}
 
 
-def run(command: Install | Status) -> int:
+def run(command: Install | Environment | Status) -> int:
     """Run the subcommand; return the exit code."""
+    if isinstance(command, Environment):
+        return _make_environment(command)
     return _install(command) if isinstance(command, Install) else _status(command)
 
 
 def _install(command: Install) -> int:
     from ludus.addon import install_addon
+    from ludus.addon.environment import remember_installer
     from ludus.addon.new_project import add_script_templates
     from ludus.engine.project import find_project
 
@@ -65,6 +84,17 @@ def _install(command: Install) -> int:
         _print_change("ludus add-on", install_addon(command.project, force=command.force))
     for path in add_script_templates(find_project(command.project)):
         sys.stdout.write(f"  new: {path} (a template for your scripts)\n")
+    remember_installer()
+    return 0
+
+
+def _make_environment(command: Environment) -> int:
+    from ludus.addon.environment import make_environment, measure_environment
+
+    megabytes = measure_environment() / 1e6
+    sys.stdout.write(f"{command.project / '.venv'} takes about {megabytes:.0f} MB\n")
+    if not command.size:
+        sys.stdout.write(f"made: {make_environment(command.project)}\n")
     return 0
 
 

@@ -34,6 +34,7 @@ COMMAND = NewCommand
 
 def run(command: NewCommand) -> int:
     """Make the project; return the exit code."""
+    from ludus.addon.environment import remember_installer
     from ludus.addon.new_project import ProjectKind, make_project
     from ludus.errors import UsageError
 
@@ -46,5 +47,6 @@ def run(command: NewCommand) -> int:
     if len(chosen) > 1:
         raise UsageError("--2d, --3d and --simulation exclude each other", "choose one of them")
     folder = make_project(command.folder, chosen[0])
+    remember_installer()
     sys.stdout.write(f"made {folder}; now: ludus train {folder}\n")
     return 0

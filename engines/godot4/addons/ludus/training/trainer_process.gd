@@ -1,3 +1,4 @@
+@tool
 extends RefCounted
 ## Starts [code]ludus serve[/code], the Python side of a game that guides its own training.
 ##
@@ -35,7 +36,7 @@ func start(port: int, runs: String, policies: String) -> bool:
 	var python := find_python()
 	if python.is_empty():
 		return false
-	if not _make_folder(runs):
+	if not make_folder(runs):
 		error = "cannot make the folder %s" % runs
 		return false
 	_log_path = runs.path_join("serve.log")
@@ -84,7 +85,7 @@ func find_python() -> String:
 
 
 ## Makes a folder that the editor does not look into, and Git neither.
-static func _make_folder(path: String) -> bool:
+static func make_folder(path: String) -> bool:
 	if DirAccess.make_dir_recursive_absolute(path) != OK:
 		return false
 	for mark: String in [".gdignore", ".gitignore"]:
@@ -98,7 +99,8 @@ static func _make_folder(path: String) -> bool:
 	return true
 
 
-## The virtual environments around the project and that of the terminal, and Python on the path.
+## The virtual environments around the project and that of the terminal, Python on the path, and the
+## one that installed the add-on.
 func _candidates() -> PackedStringArray:
 	var names: PackedStringArray = ["bin/python", "Scripts/python.exe"]
 	var folders: PackedStringArray = []
@@ -117,7 +119,14 @@ func _candidates() -> PackedStringArray:
 			var path := environment.path_join(name)
 			if not environment.is_empty() and FileAccess.file_exists(path):
 				found.append(path)
-	return found + PackedStringArray(["python3", "python"])
+	return found + PackedStringArray(["python3", "python"]) + installer()
+
+
+## The Python whose Ludus installed the add-on, from the user's configuration; empty if none did.
+static func installer() -> PackedStringArray:
+	var file := FileAccess.open(OS.get_config_dir().path_join("ludus/python"), FileAccess.READ)
+	var path := file.get_line() if file != null else ""
+	return PackedStringArray([path]) if FileAccess.file_exists(path) else PackedStringArray()
 
 
 ## Whether nobody but this user may change what an environment runs. Windows does not tell.
