@@ -125,7 +125,7 @@ def rllib() -> None:
 
     from ludus.rllib import LudusEnvRunner, LudusMultiAgentEnv, policy_of
 
-    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
+    ray.init(address="local", num_cpus=2, include_dashboard=False, log_to_driver=False)
 
     def runner(kind: Any, worlds: int, steps: int) -> Turn:
         config: Any = PPOConfig()

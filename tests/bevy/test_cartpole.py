@@ -152,7 +152,7 @@ def test_ludus_train_writes_a_run(executable: Path, tmp_path: Path) -> None:
 def test_next_step_autoreset_pauses_for_a_step(executable: Path) -> None:
     """The first episodes are those of same-step autoreset, to the bit."""
     modes = ("next_step", "same_step")
-    own, other = (ludus.make_vec(TARGET, num_worlds=8, autoreset_mode=mode) for mode in modes)
+    own, other = (ludus.make_vec(executable, num_worlds=8, autoreset_mode=mode) for mode in modes)
     rng = np.random.default_rng(1)
     num_pauses = 0
     is_first, is_pause = np.ones(8, np.bool_), np.zeros(8, np.bool_)

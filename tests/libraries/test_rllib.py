@@ -16,6 +16,7 @@ import pytest
 pytest.importorskip("ray")
 
 import ray
+import torch
 from ray.rllib.algorithms.ppo import PPOConfig
 from ray.rllib.env.multi_agent_env_runner import MultiAgentEnvRunner
 
@@ -32,9 +33,12 @@ pytestmark = [
 
 @pytest.fixture(scope="module", autouse=True)
 def _ray() -> Iterator[None]:
-    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
-    yield
-    ray.shutdown()
+    torch.set_num_threads(1)  # several wait for each other where cores are busy
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("RAY_raylet_start_wait_time_s", "200")  # 30 s are too few on a busy machine
+        ray.init(address="local", num_cpus=2, include_dashboard=False, log_to_driver=False)
+        yield
+        ray.shutdown()
 
 
 def configure(target: Any, worlds: int, policies: set[str], **settings: Any) -> Any:
@@ -113,3 +117,29 @@ def test_ppo_learns_cartpole() -> None:
     finally:
         algorithm.stop()
     assert max(returns) > 3 * returns[0], returns
+
+
+def test_ppo_learns_to_chase_in_tag() -> None:
+    """The runner keeps its first network: two that learn chase each other's returns, too."""
+    num_worlds = 32
+    config = configure("tag", num_worlds, {"chaser", "runner"})
+    config = config.multi_agent(policies_to_train=["chaser"]).training(
+        train_batch_size_per_learner=4096, minibatch_size=512, num_epochs=6, lr=2e-3, gamma=0.98
+    )
+    algorithm = config.build_algo()
+
+    def chaser_return() -> float:
+        """Play as long as one round may last; whoever catches early plays on in the next one."""
+        episodes = algorithm.env_runner.sample(num_timesteps=num_worlds * 200, force_reset=True)
+        own = [episode.get_return() for episode in episodes if episode.module_id == "chaser"]
+        return sum(own) / num_worlds
+
+    try:
+        before = chaser_return()
+        for _ in range(16):
+            algorithm.train()
+        after = chaser_return()
+    finally:
+        algorithm.stop()
+    assert before < -0.7  # hardly a catch
+    assert after > before + 0.4
