@@ -119,7 +119,7 @@ def actors() -> list[psutil.Process]:
 def test_a_lost_worker_is_started_again(
     signum: int, cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ludus.workers.ray_machines.SILENCE_S", 3.0)
+    monkeypatch.setattr("ludus.workers.ray_machines.SILENCE_S", 5.0)
     monkeypatch.setattr("ludus.workers.ray_machines.LOOK_S", 1.0)
     struck: list[psutil.Process] = []
 
@@ -133,7 +133,7 @@ def test_a_lost_worker_is_started_again(
     assert run.metrics[-1]["restarts"] == 1
     learnt = [line["policies"]["agent"]["num_transitions"] for line in run.metrics]
     assert sorted(learnt) == [48.0] + [96.0] * (len(learnt) - 1)  # one rollout of one worker
-    said = "is lost" if signum == signal.SIGKILL else "no sign of life for 3 s"
+    said = "is lost" if signum == signal.SIGKILL else "no sign of life for 5 s"
     assert said in (run.path / "train.log").read_text()
     psutil.wait_procs(struck, timeout=10.0)
     assert not struck[0].is_running()
