@@ -103,7 +103,10 @@ def test_a_killed_game_is_replaced_by_its_worker(tmp_path: Path) -> None:
     assert not any(psutil.pid_exists(pid) for pid in killed)
 
 
-def test_workers_and_games_end_with_a_trainer_that_is_killed(tmp_path: Path) -> None:
+@pytest.mark.parametrize("is_stopped", [False, True])
+def test_workers_and_games_end_with_a_trainer_that_is_killed(
+    tmp_path: Path, is_stopped: bool
+) -> None:
     command = [
         sys.executable, "-m", "ludus", "train", "cartpole", "--cluster", "local:2",
         "--num-engines", "1", "--num-worlds", "4", "--total-steps", "100000000",
@@ -114,6 +117,8 @@ def test_workers_and_games_end_with_a_trainer_that_is_killed(tmp_path: Path) -> 
     wait_until(lambda: metrics.exists() and len(read_metrics(metrics)) > 2)
     started = trainer.children(recursive=True)
     assert len(started) >= 4  # two workers and their games
+    if is_stopped:
+        next(each for each in started if "ludus.workers.process" in each.cmdline()).suspend()
     trainer.kill()
     trainer.wait()
     _, left = psutil.wait_procs(started, timeout=60.0)

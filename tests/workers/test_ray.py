@@ -93,8 +93,8 @@ def test_two_machines_give_the_checkpoint_of_one_process(
 
 
 def test_more_machines_than_there_are_is_refused(cluster: Any, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="num_machines is 3, and the cluster has 2 machines"):
-        train(on_ray("ppo", tmp_path, num_machines=3))
+    with pytest.raises(ConfigError, match=r"num_machines is 9, and the cluster has \d machines"):
+        train(on_ray("ppo", tmp_path, num_machines=9))
 
 
 def test_real_games(cluster: Any, tmp_path: Path) -> None:
@@ -190,7 +190,7 @@ def test_a_rollout_that_is_larger_than_the_object_store(cluster: Any, tmp_path: 
 def test_the_cluster_is_checked(cluster: Any, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["cluster", "check", "cartpole", "--seconds", "1", "--json"]) == 0
     reports = json.loads(capsys.readouterr().out)
-    assert len(reports) == 2
+    assert len(reports) >= 2
     for report in reports:
         assert report["error"] == ""
         assert report["facts"]["ludus"] == __version__
@@ -221,8 +221,10 @@ def test_another_version_on_a_node_is_one_error(
 
 
 def test_a_node_that_joins_takes_the_place_of_one_that_is_gone(
-    cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    cluster: Any, tmp_path: Path
 ) -> None:
+    from ludus.workers.nodes import RayCluster
+
     states: list[str] = []
 
     def watch(training: Training) -> None:
@@ -233,13 +235,14 @@ def test_a_node_that_joins_takes_the_place_of_one_that_is_gone(
             states.append(text)
         if len(states) == 1 and len(nodes) == 1:
             cluster.remove_node(nodes.pop(), allow_graceful=False)
-        elif "1 of 2 machines play" in text and not nodes:
+        elif f"{num - 1} of {num} machines play" in text and not nodes:
             nodes.append(add_node(cluster))
-        elif len(states) > 2 and "2 of 2" in text:
+        elif len(states) > 2 and f"{num} of {num}" in text:
             training.stop()
 
     nodes = [sorted(cluster.worker_nodes, key=id)[0]]
-    settings = on_ray("ppo", tmp_path, total_steps=10**9, evaluation_episodes=0)
+    num = len(RayCluster("auto").nodes())  # one that started late may be among them
+    settings = on_ray("ppo", tmp_path, total_steps=10**9, evaluation_episodes=0, num_machines=num)
     run = ludus.train(settings, on_update=watch, progress=False)
     assert run.stop_reason == "stopped"
     assert run.metrics[-1]["restarts"] == 1

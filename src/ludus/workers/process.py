@@ -8,8 +8,10 @@ does, because reading from the pair then ends.
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import functools
 import logging
+import signal
 import socket
 import subprocess
 import sys
@@ -30,6 +32,9 @@ BEAT_S, SILENCE_S = 1.0, 30.0
 
 END_S = 15.0
 """Seconds a worker has to end its games."""
+
+PR_SET_PDEATHSIG = 1
+"""Of Linux's ``prctl``: the signal that a process gets when the one that started it dies."""
 
 log = logging.getLogger(__name__)
 
@@ -138,6 +143,7 @@ class _Line(logging.Handler):
 
 def main(descriptor: int) -> None:
     """Be a worker until the trainer hangs up."""
+    _go_on_without_parent()
     connection = Connection(descriptor)
     line = _Line(connection)
     threading.Thread(target=line.beat, daemon=True).start()
@@ -162,6 +168,12 @@ def main(descriptor: int) -> None:
         finally:
             for worker in workers:
                 worker.close()
+
+
+def _go_on_without_parent() -> None:
+    """Have a worker that is stopped go on when its trainer dies, and so end (Linux only)."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGCONT))
 
 
 if __name__ == "__main__":
