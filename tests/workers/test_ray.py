@@ -25,7 +25,6 @@ from ludus.runs.metrics import read_metrics
 from ludus.settings.merging import Layer
 from ludus.settings.train_config import PPOConfig, TrainConfig
 from ludus.training.hooks import Training
-from ludus.training.live import machines_text
 from ludus.training.loop import train
 from ludus.tuning.sweeping import SweepConfig, run_sweep
 from ludus.version import __version__
@@ -225,19 +224,20 @@ def test_a_node_that_joins_takes_the_place_of_one_that_is_gone(
 ) -> None:
     from ludus.workers.nodes import RayCluster
 
-    states: list[str] = []
+    lost: list[str] = []
+    removed: list[Any] = []
 
     def watch(training: Training) -> None:
         progress = training.progress
         assert progress is not None
-        text = machines_text(progress.machines)
-        if not states or states[-1] != text:
-            states.append(text)
-        if len(states) == 1 and len(nodes) == 1:
-            cluster.remove_node(nodes.pop(), allow_graceful=False)
-        elif f"{num - 1} of {num} machines play" in text and not nodes:
+        gone = [machine.name for machine in progress.machines if machine.is_lost]
+        if not removed:
+            removed.append(nodes.pop())
+            cluster.remove_node(removed[0], allow_graceful=False)
+        elif gone and not lost:
+            lost.extend(gone)
             nodes.append(add_node(cluster))
-        elif len(states) > 2 and f"{num} of {num}" in text:
+        elif lost and not gone:
             training.stop()
 
     nodes = [sorted(cluster.worker_nodes, key=id)[0]]

@@ -15,7 +15,7 @@ from ray import cloudpickle
 from ray import exceptions as ray_errors
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
-from ludus.errors import ConfigError, RunError, SetupError
+from ludus.errors import ConfigError, MachineLost, RunError, SetupError
 from ludus.workers.parcel import Parcel, has_parcel, unpack_parcel
 
 __all__ = ["SAME_VERSIONS", "Facts", "Node", "RayCluster", "find_difference", "kill_process",
@@ -213,9 +213,13 @@ def require_equal(cluster: RayCluster, nodes: list[Node]) -> None:
     """Make sure that nodes have what this machine has.
 
     Raises:
-        ConfigError: One has another version of Ludus or Python, or does not say.
+        ConfigError: One has another version of Ludus or Python.
+        MachineLost: One does not answer.
     """
     facts = cluster.ask(node_facts, nodes)
+    for node, of in facts.items():
+        if isinstance(of, Exception):
+            raise MachineLost(find_difference(node.name, of), "ray status lists the nodes")
     differences = [find_difference(node.name, of) for node, of in facts.items()]
     if any(differences):
         raise ConfigError("; ".join(filter(None, differences)), SAME_VERSIONS)

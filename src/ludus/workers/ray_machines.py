@@ -272,15 +272,20 @@ def open_ray_machines(
             cluster.deliver(parcel, nodes)
 
     def start_again(index: int) -> RayMachine | None:
-        if places.node(index) is None:
+        node = places.node(index)
+        if node is None:
             return None
         try:
             prepare(range(index, index + 1))
             return start(RayMachine(places, index), index)
-        except (ConfigError, MachineLost, SetupError):
-            if places.node(index) is None:  # it went meanwhile
-                return None
-            raise
+        except (MachineLost, SetupError):
+            # The head takes a while to notice that a node has gone.
+            limit_s = time.monotonic() + SILENCE_S
+            while places.node(index) == node:
+                if time.monotonic() > limit_s:
+                    raise
+                time.sleep(1.0)
+            return None
 
     every = range(places.num_machines)
     try:
