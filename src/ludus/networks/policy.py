@@ -86,7 +86,7 @@ class Policy(nn.Module):
         assert self.memory is not None
         return self.memory(features, state)
 
-    def make_critic(self, config: PPOConfig) -> nn.Module:
+    def make_critic(self, config: PPOConfig) -> nn.Sequential:
         """Return PPO's critic, from features to a value; its values begin at exactly 0.
 
         Until the first reward, random values would be all there is to the advantages; normalised,
