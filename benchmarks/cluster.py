@@ -363,9 +363,12 @@ def _rllib_steps_per_s(options: RLlib, workers: int) -> float:
         .multi_agent(policies={"chaser"}, policy_mapping_fn=policy_of)
         .rl_module(model_config=DefaultModelConfig(fcnet_hiddens=[64, 64]))
         .training(
-            train_batch_size_per_learner=32 * options.envs * workers, minibatch_size=1024,
+            # Steps of the environment; its 16 agents make as many transitions as ours, 4,096 for
+            # each worker. RLlib compares the minibatch, of transitions, with them.
+            train_batch_size_per_learner=256 * options.envs * workers, minibatch_size=1024,
             num_epochs=4,
         )
+        .experimental(_validate_config=False)
     )  # fmt: skip
     algorithm = config.build_algo()
     try:
