@@ -20,6 +20,7 @@ from tests.wire.test_fuzz import ODD_VALUES, places, put
 GOLDEN = load("result_requests").content["value"]
 METRICS = load("result_requests_metrics").content["value"]
 GUIDED = load("result_requests_guided").content["value"]
+WATCH = load("result_requests_watch").content["value"]
 METRIC = {"count": 1, "sum": 2.0, "min": 2.0, "max": 2.0}
 SET_MODE = {"kind": "set_mode", "policy": "hero", "mode": "frozen"}
 
@@ -28,6 +29,7 @@ def test_golden_requests_are_read() -> None:
     assert read_requests(GOLDEN) == GOLDEN
     assert read_requests(GUIDED) == GUIDED
     assert read_requests(METRICS) == METRICS
+    assert read_requests(WATCH) == WATCH
     assert {request["mode"] for request in GOLDEN if "mode" in request} == set(MODES)
 
 
@@ -36,7 +38,8 @@ def test_the_page_names_every_kind_and_mode() -> None:
     table = page[page.index("| kind | what the trainer does |") :]
     table = table[: table.index("\n\n")]
     kinds = re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)
-    assert list(dict.fromkeys(request["kind"] for request in GOLDEN + GUIDED + METRICS)) == kinds
+    golden = GOLDEN + GUIDED + METRICS + WATCH
+    assert list(dict.fromkeys(request["kind"] for request in golden)) == kinds
     assert all(f"`{mode}`" in table for mode in MODES)
     assert CAPABILITY in CAPABILITIES
 
