@@ -292,7 +292,7 @@ def test_what_cannot_be_read_names_its_field(
 def test_a_file_that_is_no_model_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "model.zip"
     path.write_bytes(b"no zip")
-    with pytest.raises(PolicyFileError, match="no model of Stable-Baselines3"):
+    with pytest.raises(PolicyFileError, match="not a model of Stable-Baselines3"):
         read_zip(path)
     with pytest.raises(PolicyFileError, match="cannot be read"):
         read_zip(tmp_path / "none.zip")
