@@ -22,7 +22,7 @@ _DROPPED = re.compile(
 """What Godot 3's add-on had until version 0.1.0: simulations in code, and guided training."""
 
 _AUTOLOAD_TYPE = re.compile(rb"(:\s*|->\s*|\bas\s+)LudusBridge\b(?!\s*\.)")
-"""The autoload as a type: the class of that name has only its enums since it is no node."""
+"""The autoload as a type: the class of that name is no longer a node and has only its enums."""
 
 
 def moved_scripts(bundled: Iterable[str]) -> dict[str, str]:

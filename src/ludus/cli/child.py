@@ -1,7 +1,7 @@
 """``python -m ludus.cli.child COMMAND …``: the ``ludus`` command for a program that starts it.
 
-The dock in Godot's editor does. It is the same command, but it ends as by SIGTERM, which saves what
-was learnt, when it reads ``stop``, when its standard input ends, or when its parent has gone.
+The dock in Godot's editor uses it. The command ends as by SIGTERM, which saves what was learnt, when
+it reads ``stop``, when its standard input ends, or when its parent has ended.
 Lines are written as they come.
 """
 
@@ -53,7 +53,7 @@ def _end_when_told(parent: int, is_over: threading.Event) -> None:
 
 
 def _await_word(parent: int) -> None:
-    """Return when standard input says so or ends, or the parent has gone."""
+    """Return when standard input says so or ends, or the parent has ended."""
     source = 0
     with contextlib.suppress(OSError):
         while os.getppid() == parent:

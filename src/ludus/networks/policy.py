@@ -39,7 +39,7 @@ class Policy(nn.Module):
         actor: From features to what ``head`` makes actions of.
         head: The action distribution.
         critic: From features to the return that it expects, in rewards of the game; None where it
-            was not loaded. It is no part of the policy.
+            was not loaded. It is not part of the policy.
     """
 
     critic: Callable[[Tensor], float] | None = None

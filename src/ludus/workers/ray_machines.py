@@ -248,7 +248,7 @@ def open_ray_machines(
 
     Returns:
         The machines, whose first answer is the spec of their games; and what starts one again, or
-        returns None while there is no node for it.
+        returns None while no node has room for it.
 
     Raises:
         ConfigError: The cluster cannot be reached, has fewer machines, or other versions.
@@ -279,7 +279,7 @@ def open_ray_machines(
             prepare(range(index, index + 1))
             return start(RayMachine(places, index), index)
         except (MachineLost, SetupError):
-            # The head takes a while to notice that a node has gone.
+            # The head takes a while to notice that a node is gone.
             limit_s = time.monotonic() + SILENCE_S
             while places.node(index) == node:
                 if time.monotonic() > limit_s:

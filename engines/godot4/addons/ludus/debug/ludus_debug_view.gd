@@ -100,7 +100,7 @@ func hide_view() -> void:
 	_watch(null, 0)
 
 
-## Shows the agent that is so many places further, over all policies and worlds.
+## Shows the agent [param distance] places further on, counted over all policies and worlds.
 func choose(distance: int) -> void:
 	var places: Array[Vector2i] = []
 	var now := 0

@@ -17,7 +17,7 @@ static func find_sensors(agent: LudusAgent, target: Object) -> Array[Node]:
 	return found
 
 
-## Sensors of an agent, those that are no entries included; no cameras.
+## All sensors of an agent, also those that are not entries, but no cameras.
 static func find_all_sensors(agent: LudusAgent) -> Array[Node]:
 	var found: Array[Node] = []
 	if agent.target is Node:
