@@ -1,7 +1,7 @@
 """``python -m ludus.cli.child COMMAND …``: the ``ludus`` command for a program that starts it.
 
-The dock in Godot's editor uses it. The command ends as by SIGTERM, which saves what was learnt, when
-it reads ``stop``, when its standard input ends, or when its parent has ended.
+The dock in Godot's editor uses it. The command ends as by SIGTERM, which saves what was learnt,
+when it reads ``stop``, when its standard input ends, or when its parent has ended.
 Lines are written as they come.
 """
 
