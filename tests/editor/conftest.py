@@ -23,33 +23,9 @@ from ludus.engine import (
     read_project,
     with_display,
 )
+from tests.editor_probe import PROBE, PROBE_PLUGIN
 
 TIMEOUT_S = 400.0
-PROBE_PLUGIN = """\
-[plugin]
-
-name="Probe"
-description=""
-author=""
-version="1"
-script="probe.gd"
-"""
-# What a test wants to know is printed as one line of JSON.
-PROBE = """\
-@tool
-extends EditorPlugin
-func _ready() -> void:
-	if not ResourceLoader.exists("res://look.gd"):
-		return
-	while EditorInterface.get_resource_filesystem().is_scanning():
-		await get_tree().process_frame
-	await get_tree().create_timer(1.0).timeout
-	var look: RefCounted = load("res://look.gd").new()
-	look.plugin = self
-	await look.look()
-	print("PROBE ", JSON.stringify(look.result))
-	get_tree().quit()
-"""
 LOOK = """\
 @tool
 extends RefCounted

@@ -19,6 +19,7 @@ from ludus.engine import (
     find_engine,
     read_project,
 )
+from tests.editor_probe import PROBE, PROBE_PLUGIN
 from tests.godot_project import AGENT_SCENE, write_project
 
 pytestmark = pytest.mark.engine
@@ -37,31 +38,11 @@ func is_done() -> bool:
 func reset() -> void:
 	pass
 """
-PROBE_PLUGIN = """\
-[plugin]
-
-name="Probe"
-description=""
-author=""
-version="1"
-script="probe.gd"
-"""
-PROBE = """\
-@tool
-extends EditorPlugin
-func _ready() -> void:
-	if not ResourceLoader.exists("res://look.gd"):
-		return
-	await get_tree().create_timer(0.5).timeout
-	var look: RefCounted = load("res://look.gd").new()
-	await look.look()
-	print("PROBE ", JSON.stringify(look.result))
-	get_tree().quit()
-"""
 LOOK = """\
 @tool
 extends RefCounted
 var result := {}
+var plugin: EditorPlugin
 var tree: SceneTree = Engine.get_main_loop()
 """
 PLUGINS = """\
