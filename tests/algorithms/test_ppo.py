@@ -194,21 +194,62 @@ def test_a_rollout_without_active_slots_changes_nothing() -> None:
     assert all(torch.equal(a, b) for a, b in zip(before, ppo.policy.parameters(), strict=True))
 
 
-def test_without_rewards_the_actor_keeps_exploring() -> None:
-    """A critic with random values would push the actor away from uniform here."""
-    config = PPOConfig(hidden_sizes=(8,), rollout_steps=4, entropy_coefficient=0.0)
-    ppo = PPO(Policy(SPEC, config), config, LearnerSettings([slice(0, 2)], seed=1))
-    random, silent = np.random.default_rng(0), {"reward": np.zeros(2, np.float32)}
-    before = [parameter.clone() for parameter in ppo.policy.actor.parameters()]
-    ppo.begin(0, batch(random, **silent))
-    for _ in range(3):
-        for _ in range(4):
-            ppo.act(0)
-            ppo.record(0, batch(random, **silent))
-        ppo.update(0.0)
-    assert all(
-        torch.equal(a, b) for a, b in zip(before, ppo.policy.actor.parameters(), strict=True)
-    )
+def play(ppo: PPO, reward: float, *, restart: bool = True) -> dict[str, float]:
+    """Learn from one rollout in which both slots get the same reward in each step."""
+    random = np.random.default_rng(0)
+    same = {"reward": np.full(2, reward, np.float32)}
+    if restart:
+        ppo.begin(0, batch(random, **same))
+    for _ in range(4):
+        ppo.act(0)
+        ppo.record(0, batch(random, **same))
+    return ppo.update(0.0)
+
+
+def actor_of(ppo: PPO) -> torch.Tensor:
+    assert ppo.policy.head.log_std is not None
+    parameters = [*ppo.policy.actor.parameters(), ppo.policy.head.log_std]
+    return torch.nn.utils.parameters_to_vector(parameters).detach().clone()
+
+
+@pytest.mark.parametrize("is_overlapping", [False, True])
+def test_the_policy_waits_for_the_first_reward(is_overlapping: bool) -> None:
+    """Its critic has random values, which are all that advantages consist of until then."""
+    ppo = learner(replace(CONFIG, overlap=is_overlapping))
+    first = actor_of(ppo)
+    metrics = [play(ppo, 0.0, restart=number == 0) for number in range(3)][-1]
+    assert metrics["policy_loss"] == 0.0
+    assert metrics["value_loss"] > 0.0
+    assert torch.equal(actor_of(ppo), first)
+    play(ppo, 1.0, restart=False)
+    ppo.state()  # with overlap, takes the gradient steps that are left
+    learnt = actor_of(ppo)
+    assert not torch.equal(learnt, first)
+    play(ppo, 0.0, restart=False)
+    ppo.state()
+    assert not torch.equal(actor_of(ppo), learnt)
+
+
+def test_a_restored_learner_remembers_whether_it_saw_a_reward() -> None:
+    for reward in (0.0, 1.0):
+        ppo, second = learner(), learner()
+        play(ppo, reward)
+        second.load_state(ppo.state())
+        before = actor_of(second)
+        play(second, 0.0)
+        assert torch.equal(actor_of(second), before) == (reward == 0.0)
+
+
+def test_rewards_of_inactive_slots_do_not_count() -> None:
+    ppo, random = learner(), np.random.default_rng(0)
+    reward, first = np.array([0.0, 1.0], np.float32), actor_of(ppo)
+    half = {"reward": reward, "active": np.array([True, False])}
+    ppo.begin(0, batch(random, **half))
+    for _ in range(4):
+        ppo.act(0)
+        ppo.record(0, batch(random, **half))
+    ppo.update(0.0)
+    assert torch.equal(actor_of(ppo), first)
 
 
 def test_a_restored_learner_continues_to_the_bit() -> None:

@@ -7,6 +7,9 @@ the update, so that both see the same numbers.
 
 With ``overlap`` the gradient steps on one rollout are taken one by one while engines simulate the
 next, which a copy of the network as it was before collects.
+
+Until a reward other than 0 has been seen, the critic's errors are all there is to the advantages,
+and normalised they look like any others. So the actor stays as it is until then.
 """
 
 from __future__ import annotations
@@ -132,6 +135,7 @@ class PPO:
         self._pending: Iterator[None] = iter(())
         self._steps_per_call = 0.0
         self._steps_owed = 0.0
+        self._has_seen_reward = False
         self._losses: dict[str, float] = {}
         self._samples: dict[str, Tensor] = {}
 
@@ -266,10 +270,10 @@ class PPO:
         policy_loss = -clipped_surrogate(log_ratio, advantage, config.clip_range).mean()
         loss_value = value_loss(value, batch.target, batch.value, config.value_clip_range)
         mean_entropy = entropy.mean()
+        # Without a reward, the entropy term would widen a Gaussian without bound.
+        entropy_coefficient = config.entropy_coefficient if self._has_seen_reward else 0.0
         loss = (
-            policy_loss
-            + config.value_coefficient * loss_value
-            - config.entropy_coefficient * mean_entropy
+            policy_loss + config.value_coefficient * loss_value - entropy_coefficient * mean_entropy
         )
         self._optimiser.zero_gradients()
         cast(Any, loss).backward()
@@ -318,6 +322,7 @@ class PPO:
     def _transitions(self) -> Transitions:
         """Compute values, log-probabilities and advantages of the rollout; drop inactive slots."""
         rollout, num_steps, device = self._rollout, self._rollout.num_steps, self._device
+        self._has_seen_reward = self._has_seen_reward or rollout.has_reward
         inputs = self.recorder.policy.encoder(_flat(rollout.observation, device))
         features = self.recorder.policy.features(inputs)
         states = before = None
@@ -339,9 +344,12 @@ class PPO:
 
         advantage = self._advantage(value, states)
         value = value[:-1]
+        target = advantage + value
+        if not self._has_seen_reward:
+            advantage = torch.zeros_like(advantage)
         transitions = Transitions(
             inputs.rows(slice(0, num_actions)), discrete, continuous, mask, log_prob,
-            value.flatten(), advantage.flatten(), (advantage + value).flatten(),
+            value.flatten(), advantage.flatten(), target.flatten(),
         )  # fmt: skip
         is_valid = as_tensor(rollout.is_active[:-1], device)
         if before is not None:
@@ -426,7 +434,12 @@ class PPO:
             parts["collector"] = self.recorder.policy.state_dict()
         tensors = join_names(parts, ".") | {"generator": self._generator.get_state()}
         copies = {name: value.detach().cpu().clone() for name, value in tensors.items()}
-        return LearnerState(copies, {"losses": self._losses, "rollouts": self.recorder.number})
+        values = {
+            "losses": self._losses,
+            "rollouts": self.recorder.number,
+            "has_seen_reward": self._has_seen_reward,
+        }
+        return LearnerState(copies, values)
 
     def load_state(self, state: LearnerState) -> None:
         """Go on from ``state``; call :meth:`begin` next."""
@@ -442,6 +455,7 @@ class PPO:
         self._generator.set_state(state.tensors["generator"])
         self._losses = dict(state.values.get("losses", {}))
         self.recorder.number = int(state.values.get("rollouts", 0))
+        self._has_seen_reward = bool(state.values.get("has_seen_reward", True))
 
 
 def equal_parts(length: int, num_parts: int) -> list[slice]:

@@ -143,6 +143,11 @@ class Rollout:
             truncated=self.truncated[last, rows],
         )
 
+    @property
+    def has_reward(self) -> bool:
+        """Whether some active slot got a reward other than 0."""
+        return bool(self.reward.any()) and bool(self.reward[self.is_active[:-1]].any())
+
     def add_finals(self, engine: int, step: int, batch: Batch) -> None:
         """Keep the final observations of episodes that were truncated, not terminated."""
         index = batch.final_index
