@@ -14,6 +14,8 @@ PUBLIC = {
     "LudusBridge",
     "LudusCamera2D",
     "LudusCamera3D",
+    "LudusController2D",
+    "LudusController3D",
     "LudusDebugView",
     "LudusGrid2D",
     "LudusGrid3D",

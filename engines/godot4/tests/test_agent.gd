@@ -37,6 +37,34 @@ func test_inherited_methods_count() -> void:
 	_check_warnings(_agent(child), [])
 
 
+func test_a_stub_of_a_controller_counts_as_missing() -> void:
+	var whole := GAME.replace("extends Node", "extends LudusController2D")
+	equal(_agent(_script(whole)).connect_to_game(), "", "all five are overridden")
+	for method: StringName in LudusAgent.REQUIRED_METHODS:
+		var agent := _agent(_script(whole.replace("func %s(" % method, "func other(")))
+		_check_warnings(agent, ["The target has no method %s()" % method])
+		check("has no method %s()" % method in agent.connect_to_game(), "connect_to_game")
+
+
+func test_optional_methods_of_a_controller_count_where_overridden() -> void:
+	var game := GAME.replace("extends Node", "extends LudusController3D")
+	var without := _agent(_script(game + "func get_action_masks() -> Array: return []"))
+	equal(without.connect_to_game(), "", "connect_to_game")
+	check(not (without.has_mask() or without.has_truncation()), "stubs do not count")
+	check(not without.has_manual_action(), "nor does that of a person")
+	_check_warnings(without, ["did you mean get_action_mask()"])
+	var optional := """
+func get_action_mask() -> PackedByteArray: return [1, 0]
+func is_truncated() -> bool: return true
+func get_manual_action() -> int: return 1
+"""
+	var with := _agent(_script(game + optional))
+	equal(with.connect_to_game(), "", "connect_to_game")
+	check(with.has_mask() and with.has_truncation() and with.has_manual_action(), "all count")
+	var rng := (with.target as LudusController3D).world.rng
+	check(rng == LudusWorld.find_above(with.target).rng, "its randomness is that of the world")
+
+
 func test_no_policy_name() -> void:
 	var agent := _agent(_script(GAME))
 	agent.policy_name = ""
@@ -131,8 +159,7 @@ func _script(code: String) -> GDScript:
 
 
 func _agent(script: GDScript) -> LudusAgent:
-	var root := Node.new()
-	root.set_script(script)
+	var root: Node = Node.new() if script == null else script.new()
 	var agent := LudusAgent.new()
 	agent.action = [LudusActionComponent.new()]
 	root.add_child(agent)

@@ -6,11 +6,11 @@ extends Node
 ##
 ## Put it under the node that has the five methods [code]apply_action(action)[/code],
 ## [code]get_observation()[/code], [code]get_reward()[/code], [code]is_done()[/code] and
-## [code]reset()[/code] (or point [member target_path] at it); or extend this script and write the
-## methods there. Optional methods, used where they are: [code]get_action_mask() ->
-## PackedByteArray[/code], one byte per alternative, 1 = allowed; [code]is_truncated() ->
-## bool[/code]; and [code]get_manual_action()[/code], which lets a person play while no trainer is
-## there.[br][br]
+## [code]reset()[/code] (or point [member target_path] at it); a [LudusController2D] or
+## [LudusController3D] has stubs for them. Optional methods, used where they are:
+## [code]get_action_mask() -> PackedByteArray[/code], one byte per alternative, 1 = allowed;
+## [code]is_truncated() -> bool[/code]; and [code]get_manual_action()[/code], which lets a person
+## play while no trainer is there.[br][br]
 ## Sensors below the node, such as [LudusRays2D], are entries of the observation, beside those of
 ## [code]get_observation()[/code], which may then be left out.[br][br]
 ## An action arrives as an [int] (one choice), a [PackedInt64Array] (several choices), a
@@ -101,6 +101,7 @@ var episode_steps: int:
 var _batch: LudusPolicyBatch
 var _slot: int = -1
 var _manual_steps: int = 0
+var _has_manual_action: bool = false
 
 
 ## Takes the former name of a property, from scenes that have it.
@@ -127,13 +128,15 @@ func connect_to_game() -> String:
 		return "target_path %s leads nowhere" % target_path
 	var sensors := LudusSensing.find_sensors(self, target)
 	for method: StringName in REQUIRED_METHODS:
-		if not (target.has_method(method) or (method == OBSERVE and not sensors.is_empty())):
+		var is_there := LudusScriptReview.has_game_method(target, method)
+		if not (is_there or (method == OBSERVE and not sensors.is_empty())):
 			return "%s has no method %s()%s" % [_describe(target), method, _guess(target, method)]
-	if has_action_mask and not target.has_method(&"get_action_mask"):
+	if has_action_mask and not LudusScriptReview.has_game_method(target, &"get_action_mask"):
 		return "has_action_mask is on, but %s has no method get_action_mask()" % _describe(target)
 	if action.is_empty():
 		return "no action is declared: add a LudusActionComponent to `action`"
 	has_action_mask = has_mask()
+	_has_manual_action = LudusScriptReview.has_game_method(target, &"get_manual_action")
 	world = LudusWorld.of(self)
 	observer = target if sensors.is_empty() else LudusSensing.new(self, sensors)
 	var mistake := LudusSensing.find_mistake(sensors)
@@ -188,12 +191,12 @@ func is_leaving() -> bool:
 
 ## Whether the game has [code]is_truncated()[/code].
 func has_truncation() -> bool:
-	return target.has_method(&"is_truncated")
+	return LudusScriptReview.has_game_method(target, &"is_truncated")
 
 
 ## Whether the game has [code]get_manual_action()[/code].
 func has_manual_action() -> bool:
-	return target.has_method(&"get_manual_action")
+	return _has_manual_action
 
 
 ## Path inside the world, for messages.
@@ -221,7 +224,7 @@ func _find_target() -> Object:
 ## Whether the target has a method; in the editor, where it does not run, by its script.
 func _target_has(method: StringName) -> bool:
 	var node := _find_target()
-	if node == null or node.has_method(method):
+	if node == null or LudusScriptReview.has_game_method(node, method):
 		return node != null
 	return node.get_script() != null and method in LudusScriptReview.methods_of(node.get_script())
 

@@ -12,19 +12,41 @@ const SCENE_CHANGES: PackedStringArray = [
 	"reload_current_scene", "change_scene_to_file", "change_scene_to_packed"
 ]
 
+const _CONTROLLERS: Array[Script] = [
+	preload("res://addons/ludus/agent/ludus_controller_2d.gd"),
+	preload("res://addons/ludus/agent/ludus_controller_3d.gd"),
+]
 const _MIN_SIMILARITY := 0.85
 const _OWN_FOLDER := "res://addons/ludus"
 
 
-## Names of a script's methods, those of the scripts that it extends included.
+## Names of a script's methods, those of the scripts that it extends included, but no stubs of a
+## controller. The engine lists an inherited method once, and once more where it is overridden.
 static func methods_of(script: Script) -> Array[StringName]:
 	var names: Array[StringName] = []
-	var base := script
-	while base != null:
-		for method: Dictionary in base.get_script_method_list():
-			names.append(StringName(str(method["name"])))
-		base = base.get_base_script()
+	for method: Dictionary in script.get_script_method_list():
+		names.append(StringName(str(method["name"])))
+	var controller := _controller_of(script)
+	if controller != null:
+		for stub: Dictionary in controller.get_script_method_list():
+			names.erase(StringName(str(stub["name"])))
 	return names
+
+
+## Whether an agent's node has a method of the game.
+static func has_game_method(target: Object, method: StringName) -> bool:
+	if not target.has_method(method):
+		return false
+	var script: Script = target.get_script()
+	return _controller_of(script) == null or method in methods_of(script)
+
+
+## The controller that a script extends or is, or null.
+static func _controller_of(script: Script) -> Script:
+	var base := script
+	while base != null and base not in _CONTROLLERS:
+		base = base.get_base_script()
+	return base
 
 
 ## Whether a script declares what get_reward(), is_done() and is_truncated() return, so that they
