@@ -245,7 +245,7 @@ def test_a_policy_from_the_command_line(policy: PolicyModel, games: Games, tmp_p
 
 def test_draws_are_not_the_most_probable_actions(games: Games, tmp_path: Path) -> None:
     path = tmp_path / "cart.ludus.json"
-    # A hundredth of what balances: the same actions are the most probable, and draws are nearly even.
+    # A hundredth of the balancing weights: draws are nearly even.
     write_model(path, linear_policy("cart", [0.003, 0.003, 0.01, 0.01]))
     options = (f"--ludus-policy=cart={path}", "--ludus-sample", "--ludus-report")
     game = games.start(games.examples, CARTPOLE, *options)
