@@ -214,6 +214,7 @@ class PPO:
         self.recorder.restart()
         losses["learning_rate"] = self._learning_rate
         losses["num_transitions"] = float(len(transitions))
+        losses["has_reward"] = float(self._has_seen_reward)
         if self.policy.head.log_std is not None and self.policy.head.size:
             losses["action_std"] = float(self.policy.head.log_std.detach().exp().mean())
         return losses

@@ -66,6 +66,7 @@ POLICY_METRICS: dict[str, str] = {
     "explained_variance": "PPO: 1 - Var(target - value) / Var(target); 1 is a perfect critic.",
     "num_epochs": "PPO: passes over the rollout; fewer than epochs where target_kl stopped them.",
     "num_transitions": "PPO: transitions learnt from; those of inactive slots are left out.",
+    "has_reward": "PPO: 1 once a reward other than 0 was seen; the actor waits for it.",
     "learning_rate": "Step size of the optimiser in this update.",
     "action_std": "PPO: mean deviation of continuous actions, where the bounds are -1 and 1.",
     "q_loss": "SAC: half the mean squared error of both critics in sum, equation 5.",

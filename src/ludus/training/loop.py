@@ -171,6 +171,7 @@ def _train_in(
         reporter.evaluating(config.evaluation_episodes)
         trainer.finish_lessons()
         evaluation = _evaluate(learners, pool, config, folder)
+        trainer.compare(evaluation)
         write_result(trainer, folder, stop_reason, evaluation)
     return _result(trainer, folder, stop_reason, signum=interrupts.signum, evaluation=evaluation)
 

@@ -22,6 +22,7 @@ from ludus.league.policy_slot import PolicySlot, frozen_seed
 from ludus.league.seats import Seats, league_seed
 from ludus.networks.policy import Policy
 from ludus.play.episodes import EpisodeTracker
+from ludus.play.evaluation import Evaluation
 from ludus.pool.interface import Pool
 from ludus.runs.checkpoint import Checkpoint, write_checkpoint
 from ludus.runs.metrics import MetricsLog
@@ -33,6 +34,7 @@ from ludus.settings.plain import to_plain
 from ludus.settings.policy_config import Mode
 from ludus.settings.train_config import TrainConfig
 from ludus.spec import PolicySpec
+from ludus.training.diagnosis import Diagnosis
 from ludus.training.modes import ModeSchedule
 from ludus.training.progress import Progress, Reporter
 from ludus.workers.collect import Collector, CollectTimes, OnEpisodes
@@ -97,6 +99,7 @@ class Trainer:
         self._schedule = ModeSchedule(config)
         self._lessons = Lessons(config.curriculum, config.randomise)
         self._teach()
+        self._diagnosis = Diagnosis(self.specs)
         self._store = folder.checkpoints(config.keep_checkpoints)
         self._steps_per_s = 0.0
         self._saved_at_s, self._saved_at_update = 0.0, 0
@@ -168,6 +171,8 @@ class Trainer:
         if "lessons" in checkpoint.run:  # older checkpoints have none
             self._lessons.load_state(checkpoint.run["lessons"])
             self._teach()
+        if "diagnosis" in checkpoint.run:  # older checkpoints have none
+            self._diagnosis.load_state(checkpoint.run["diagnosis"])
         before = checkpoint.config["policies"]
         for name, settings in self.config.policies.items():
             if settings.mode != before[name]["mode"]:  # otherwise the mode that it was in stays
@@ -261,6 +266,7 @@ class Trainer:
             metrics.write(run_metrics, policies, game, self._take_parameters())
             self.progress = self._progress(speed, policies)
             reporter.updated(self.progress)
+            self._diagnosis.check(policies, self.agent_steps)
             self._advance()
             is_resetting = self._advance_lesson()
             if self._is_time_to_save():
@@ -338,6 +344,11 @@ class Trainer:
         """Give the worlds the parameters of the last lesson, from the next reset on."""
         self._lessons.finish()
         self._teach()
+
+    def compare(self, evaluation: Mapping[str, Evaluation]) -> None:
+        """Warn if the evaluation at the end is far below training."""
+        returns = {name: list(tracker.returns) for name, tracker in self._trackers.items()}
+        self._diagnosis.compare(evaluation, returns)
 
     def _teach(self) -> None:
         """Give the worlds the parameters of the lesson, from the next reset on."""
@@ -489,6 +500,7 @@ class Trainer:
             "seats": {name: slot.state() for name, slot in self._slots.items()},
             "random": random_state(),
             "lessons": self._lessons.state(),
+            "diagnosis": self._diagnosis.state(),
         }
         league: dict[str, Tensor] = {}
         if self._league is not None:
