@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ludus.libraries import LudusEnv, LudusVectorEnv, make, make_vec
     from ludus.pool import PoolConfig, open_pool
     from ludus.settings.train_config import (
+        ImitationConfig,
         LeagueConfig,
         Phase,
         PPOConfig,
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Episode",
+    "ImitationConfig",
     "LeagueConfig",
     "LoadedPolicy",
     "LudusEnv",
@@ -62,6 +64,7 @@ __all__ = [
 
 _HOMES = {
     "Episode": "ludus.training.hooks",
+    "ImitationConfig": "ludus.settings.train_config",
     "LeagueConfig": "ludus.settings.train_config",
     "LoadedPolicy": "ludus.api.acting",
     "LudusEnv": "ludus.libraries",

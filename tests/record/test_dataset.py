@@ -17,7 +17,6 @@ from ludus.errors import ConfigError, SetupError, TargetError
 from ludus.play.hand import hand_player
 from ludus.pool import PoolConfig, open_pool
 from ludus.record import RecordConfig
-from ludus.record import dataset as dataset_module
 from ludus.record.dataset import record_dataset
 from tests.godot.conftest import PROJECT
 from tests.training.environments import register
@@ -159,7 +158,7 @@ def test_a_game_without_keys_cannot_be_played_by_hand() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"dataset": "no version"}, "--dataset no version is not a valid dataset name"),
+        ({"dataset": "no version"}, "'no version' is not a valid dataset name"),
         ({"policy": (Path("none"),), "is_random": False}, "there is no run or policy file none"),
     ],
     ids=str,
@@ -182,7 +181,7 @@ def test_without_minari_the_package_is_named(monkeypatch: pytest.MonkeyPatch) ->
     def find_nothing(_: str) -> None:
         return None
 
-    monkeypatch.setattr(dataset_module.importlib.util, "find_spec", find_nothing)
+    monkeypatch.setattr("importlib.util.find_spec", find_nothing)
     with pytest.raises(SetupError, match=r"minari is not installed\nhint: pip install 'minari"):
         record_dataset(RecordConfig(target="gym:CartPole-v1", dataset="a-v0", is_random=True))
 

@@ -13,6 +13,7 @@ from typing import Any, Protocol, runtime_checkable
 
 from torch import Tensor
 
+from ludus.algorithms.imitation import Imitation
 from ludus.errors import DivergenceError
 from ludus.networks.policy import Policy
 from ludus.spec.batch import ActionBatch, Batch
@@ -33,6 +34,7 @@ class LearnerSettings:
         is_mixed: Whether updates are computed in bfloat16 where that is safe.
         is_compiled: Whether they are compiled.
         first_engine: Number of the first engine among those of all machines.
+        imitation: Demonstrations to learn from beside the rewards; None without.
     """
 
     engine_rows: list[slice]
@@ -40,6 +42,7 @@ class LearnerSettings:
     is_mixed: bool = False
     is_compiled: bool = False
     first_engine: int = 0
+    imitation: Imitation | None = None
 
 
 @dataclass(frozen=True)

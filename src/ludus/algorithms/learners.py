@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
 import numpy as np
 import torch
 
+from ludus.algorithms.imitation import Imitation
 from ludus.algorithms.learner import Learner, LearnerSettings
 from ludus.algorithms.ppo import PPO
-from ludus.errors import UsageError
+from ludus.datasets import Demonstrations, read_demonstrations
+from ludus.errors import ConfigError, UsageError
 from ludus.networks.device import choose_device, uses_bfloat16
 from ludus.networks.own_network import MakeNetwork
 from ludus.networks.policy import Policy
@@ -40,7 +42,7 @@ class OwnParts:
 
 
 def make_learners(
-    config: TrainConfig, pool: Pool, own: OwnParts | None = None
+    config: TrainConfig, pool: Pool, own: OwnParts | None = None, *, is_new: bool = True
 ) -> dict[str, Learner]:
     """Return a learner for each policy of ``pool``, by name.
 
@@ -48,9 +50,14 @@ def make_learners(
         config: Settings of every policy.
         pool: The games.
         own: What takes the place of Ludus's networks and algorithms.
+        is_new: Whether the policies begin by cloning the demonstrations that ``config.imitate``
+            names; a run that is resumed has done so.
 
     Raises:
-        ConfigError: A setting of the scene is unknown or does not fit.
+        ConfigError: A setting of the scene is unknown or does not fit, or the demonstrations do
+            not.
+        SetupError: ``config.imitate`` needs Minari, which is missing.
+        RunError: The demonstrations cannot be read.
         UsageError: ``own`` names a policy that the game does not have, or makes something else.
     """
     own = own or OwnParts()
@@ -60,7 +67,26 @@ def make_learners(
                 f"networks or learners: there is no policy {name!r}",
                 f"policies of the game: {', '.join(pool.policies)}",
             )
-    return {name: _make_learner(name, config, pool, own) for name in pool.policies}
+    demonstrations = _demonstrations(config, pool)
+    learners: dict[str, Learner] = {}
+    for name in pool.policies:
+        shown = demonstrations.get(name)
+        learners[name] = _make_learner(name, config, pool, own, shown, is_new=is_new)
+    return learners
+
+
+def _demonstrations(config: TrainConfig, pool: Pool) -> dict[str, Demonstrations]:
+    if config.imitate is None:
+        return {}
+    found = read_demonstrations(config.imitate, pool.policies)
+    for name in found:
+        algorithm = config.policies[name].algorithm
+        if algorithm != "ppo":
+            raise ConfigError(
+                f"policy {name}: {algorithm} does not learn from demonstrations (imitate)",
+                f"set policies.{name}.algorithm to ppo, or leave out imitate",
+            )
+    return found
 
 
 def policy_seed(seed: int, policy: str) -> int:
@@ -69,7 +95,15 @@ def policy_seed(seed: int, policy: str) -> int:
     return int(np.random.SeedSequence(entropy).generate_state(1, np.uint64)[0] >> np.uint64(1))
 
 
-def _make_learner(name: str, config: TrainConfig, pool: Pool, own: OwnParts) -> Learner:
+def _make_learner(
+    name: str,
+    config: TrainConfig,
+    pool: Pool,
+    own: OwnParts,
+    demonstrations: Demonstrations | None,
+    *,
+    is_new: bool,
+) -> Learner:
     spec = pool.policies[name]
     settings = config.policies[name]
     device = choose_device(config.device)
@@ -82,6 +116,12 @@ def _make_learner(name: str, config: TrainConfig, pool: Pool, own: OwnParts) -> 
     with cast(Any, torch.random).fork_rng(devices=[]):
         cast(Any, torch).manual_seed(about.seed)
         policy = Policy(spec, settings, own.networks.get(name)).to(device)
+        if demonstrations is not None and isinstance(settings, PPOConfig):
+            length = settings.sequence_length
+            imitation = Imitation(policy, demonstrations, config.imitation, length)
+            if is_new:
+                imitation.clone(policy, about.seed)
+            about = replace(about, imitation=imitation)
         if name in own.learners:
             return _checked(own.learners[name](policy, settings, about), name)
         if isinstance(settings, PPOConfig):

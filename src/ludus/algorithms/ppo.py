@@ -138,6 +138,7 @@ class PPO:
         self._has_seen_reward = False
         self._losses: dict[str, float] = {}
         self._samples: dict[str, Tensor] = {}
+        self._imitation = settings.imitation
 
     # --- collecting -----------------------------------------------------------------------------
 
@@ -234,6 +235,8 @@ class PPO:
         """Take gradient steps on the clipped objective, equation 9 of the paper, one at a time."""
         target_kl, num_epochs = self.config.target_kl, 0
         losses: dict[str, float] = {}
+        if self._imitation is not None:
+            self._imitation.begin_update(self.policy)
         for _ in range(self.config.epochs):
             steps: list[Tensor] = []
             for part in self._minibatches(transitions):
@@ -249,6 +252,8 @@ class PPO:
         spread = transitions.target.var(correction=0).clamp(min=1e-12)
         losses["explained_variance"] = float(1 - residual / spread)
         losses["num_epochs"] = float(num_epochs)
+        if self._imitation is not None:
+            losses |= self._imitation.end_update()
         self._losses = losses
 
     def _gradient_step(self, batch: Transitions) -> Tensor:
@@ -276,6 +281,8 @@ class PPO:
         loss = (
             policy_loss + config.value_coefficient * loss_value - entropy_coefficient * mean_entropy
         )
+        if self._imitation is not None:
+            loss = loss + self._imitation.penalty(self.policy, self._generator)
         self._optimiser.zero_gradients()
         cast(Any, loss).backward()
         grad_norm = self._optimiser.clip_grad_norm(config.max_grad_norm)
@@ -440,6 +447,8 @@ class PPO:
             "rollouts": self.recorder.number,
             "has_seen_reward": self._has_seen_reward,
         }
+        if self._imitation is not None:
+            values["imitated_updates"] = self._imitation.num_updates
         return LearnerState(copies, values)
 
     def load_state(self, state: LearnerState) -> None:
@@ -457,6 +466,8 @@ class PPO:
         self._losses = dict(state.values.get("losses", {}))
         self.recorder.number = int(state.values.get("rollouts", 0))
         self._has_seen_reward = bool(state.values.get("has_seen_reward", True))
+        if self._imitation is not None:
+            self._imitation.num_updates = int(state.values.get("imitated_updates", 0))
 
 
 def equal_parts(length: int, num_parts: int) -> list[slice]:

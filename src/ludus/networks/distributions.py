@@ -168,7 +168,13 @@ class ActionHead(nn.Module):
         return chosen, mean
 
     def evaluate(
-        self, outputs: Tensor, discrete: Tensor, continuous: Tensor, mask: Tensor | None
+        self,
+        outputs: Tensor,
+        discrete: Tensor,
+        continuous: Tensor,
+        mask: Tensor | None,
+        *,
+        is_deviation_held: bool = False,
     ) -> tuple[Tensor, Tensor]:
         """Return log-probability and entropy of actions as :meth:`sample` returns them.
 
@@ -180,6 +186,7 @@ class ActionHead(nn.Module):
             discrete: ``int64[n, d]``.
             continuous: ``float32[n, c]``, as sampled.
             mask: ``bool[n, num_logits]`` or None.
+            is_deviation_held: Whether deviations get no gradient.
 
         Returns:
             ``float32[n]`` twice.
@@ -194,6 +201,7 @@ class ActionHead(nn.Module):
             start += n
         if self.size:
             mean, log_std = self.gaussian(outputs)
+            log_std = log_std.detach() if is_deviation_held else log_std
             log_prob = log_prob + gaussian_log_prob(continuous, mean, log_std)
             entropy = entropy + gaussian_entropy(log_std)
             if self.shape.is_squashed:
@@ -206,3 +214,11 @@ class ActionHead(nn.Module):
         is_squashed = self.shape.is_squashed
         unit = continuous.tanh() if is_squashed else continuous.clamp(-1.0, 1.0)
         return torch.lerp(self.low, self.high, unit.add_(1.0).mul_(0.5))
+
+    def from_bounds(self, actions: Tensor) -> Tensor:
+        """Return ``float32[n, c]`` of which :meth:`to_bounds` makes ``actions``, near enough.
+
+        Of a squashed action at a bound, which would be infinite, what comes within 0.1 % of it.
+        """
+        unit = ((actions - self.low) / (self.high - self.low)).mul_(2.0).sub_(1.0)
+        return unit.clamp_(-0.999, 0.999).atanh_() if self.shape.is_squashed else unit

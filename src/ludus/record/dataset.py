@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import re
 import warnings
 from collections.abc import Iterable, Mapping
@@ -16,7 +15,8 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from ludus.errors import ConfigError, EngineCrashed, RunError, SetupError
+from ludus.datasets import dataset_names, require_minari
+from ludus.errors import ConfigError, EngineCrashed, RunError
 from ludus.play.hand import hand_player
 from ludus.play.interactive import require_screen
 from ludus.play.players import Act
@@ -35,7 +35,6 @@ __all__ = ["RecordedDataset", "record_dataset"]
 NUM_EPISODES = 10
 """Of each policy, unless told otherwise."""
 CLOSED_BY_HAND = 0
-NAME = re.compile(r"(?:[\w.-]+/)*[\w.-]+?-v\d+")
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ def record_dataset(config: RecordConfig) -> list[RecordedDataset]:
         EngineError: The game failed; nothing is written.
         RunError: No episode has ended, or the dataset cannot be written.
     """
-    minari = _minari()
+    minari = require_minari()
     config = with_run(config)
     check_players(config)
     assert config.dataset is not None
@@ -80,7 +79,7 @@ def record_dataset(config: RecordConfig) -> list[RecordedDataset]:
     check_accepted("record", target)
     launch = LaunchOptions(is_windowed=is_by_hand, is_real_time=is_by_hand)
     with open_pool(target, PoolConfig.of(config, launch=launch, is_pinned=not is_by_hand)) as pool:
-        names = _names(config.dataset, pool)
+        names = dataset_names(config.dataset, pool.policies)
         _require_free(minari, names.values())
         act = hand_player(pool) if is_by_hand else make_player(config)(pool)
         num_wanted = config.num_episodes or NUM_EPISODES
@@ -188,19 +187,6 @@ class _Step:
         self.truncated = bool(after.truncated[slot])
 
 
-def _names(dataset: str, pool: Pool) -> dict[str, str]:
-    """Return the name of each policy's dataset."""
-    if not NAME.fullmatch(dataset):
-        raise ConfigError(
-            f"--dataset {dataset} is not a valid dataset name", "name it such as cartpole/expert-v0"
-        )
-    if len(pool.policies) == 1:
-        return dict.fromkeys(pool.policies, dataset)
-    stem, _, version = dataset.rpartition("-v")
-    words = {name: re.sub(r"[^\w.]+", "_", name) for name in pool.policies}
-    return {name: f"{stem}-{word}-v{version}" for name, word in words.items()}
-
-
 def _require_free(minari: Any, names: Iterable[str]) -> None:
     taken = minari.list_local_datasets()
     for name in names:
@@ -266,10 +252,3 @@ class _Described(gymnasium.Env[Any, Any]):
             kwargs={name: value for name, value in settings.items() if value is not None},
             disable_env_checker=True,
         )
-
-
-def _minari() -> Any:
-    for package in ("minari", "h5py"):
-        if importlib.util.find_spec(package) is None:
-            raise SetupError(f"{package} is not installed", "pip install 'minari[hdf5]'")
-    return importlib.import_module("minari")

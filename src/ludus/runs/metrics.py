@@ -69,6 +69,9 @@ POLICY_METRICS: dict[str, str] = {
     "has_reward": "PPO: 1 once a reward other than 0 was seen; the actor waits for it.",
     "learning_rate": "Step size of the optimiser in this update.",
     "action_std": "PPO: mean deviation of continuous actions, where the bounds are -1 and 1.",
+    "imitation_weight": "PPO: weight of the demonstrations' loss; with imitate only.",
+    "imitation_loss": "PPO: mean negative log-probability of demonstrated actions, nats; with "
+    "imitate only, until its weight is negligible.",
     "q_loss": "SAC: half the mean squared error of both critics in sum, equation 5.",
     "mean_q": "SAC: mean value of the actions in the replay, by the first critic.",
     "temperature": "SAC: weight of the entropy, alpha.",

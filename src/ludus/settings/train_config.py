@@ -26,8 +26,8 @@ from ludus.settings.policy_config import Mode, PolicyConfig, PPOConfig, SACConfi
 from ludus.settings.pool_config import DEFAULT_RESTARTS, GameConfig
 from ludus.settings.world_parameters import Lesson, Parameter, check_lessons, check_parameters
 
-__all__ = ["CHANGEABLE", "LeagueConfig", "PPOConfig", "Phase", "PolicyConfig", "SACConfig", "Sink",
-           "TrainConfig"]  # fmt: skip
+__all__ = ["CHANGEABLE", "ImitationConfig", "LeagueConfig", "PPOConfig", "Phase", "PolicyConfig",
+           "SACConfig", "Sink", "TrainConfig"]  # fmt: skip
 
 Sink = Literal["wandb", "mlflow", "trackio"]
 """What metrics can be sent to, beside ``metrics.jsonl`` and TensorBoard."""
@@ -47,6 +47,25 @@ FOLDER_NAME = Check(
         re.fullmatch(r"[^/\\\0\ud800-\udfff]*", name) is not None and name not in {".", ".."}
     ),
 )
+
+
+@dataclass(frozen=True)
+class ImitationConfig(Settings):
+    """How the demonstrations of ``imitate`` are learned from.
+
+    Attributes:
+        epochs: Passes over all demonstrations before training begins (behaviour cloning); 0 clones
+            nothing.
+        learning_rate: Step size of Adam while cloning.
+        weight: Weight of the demonstrations' loss in that of PPO at the start; 0 ends imitation
+            with cloning.
+        decay: Factor by which that weight changes with each update.
+    """
+
+    epochs: int = setting(100, AT_LEAST_0)
+    learning_rate: float = setting(1e-3, ABOVE_0)
+    weight: float = setting(0.1, AT_LEAST_0)
+    decay: float = setting(0.95, FROM_0_TO_1)
 
 
 @dataclass(frozen=True)
@@ -135,6 +154,9 @@ class TrainConfig(GameConfig):
             act frozen; if not given, all learn at once.
         schedule: Phases of modes, repeated in order; a table of a settings file.
         league: Self-play against past selves.
+        imitate: Minari dataset of the game, as ludus record --dataset writes it, whose actions PPO
+            policies learn before and while they train.
+        imitation: How they learn from it.
         randomise: Parameters of the worlds, by name: a value, or how it is drawn for each episode;
             a table of a settings file.
         curriculum: Lessons with parameters of their own, in order; tables of a settings file.
@@ -172,6 +194,8 @@ class TrainConfig(GameConfig):
     alternate_every: int | None = setting(None, optional(AT_LEAST_1))
     schedule: tuple[Phase, ...] = ()
     league: LeagueConfig = field(default_factory=LeagueConfig)
+    imitate: str | None = None
+    imitation: ImitationConfig = field(default_factory=ImitationConfig)
     randomise: dict[str, Parameter] = field(default_factory=dict[str, Parameter])
     curriculum: tuple[Lesson, ...] = ()
 

@@ -17,6 +17,7 @@ import torch
 
 from ludus.algorithms.learner import Learner
 from ludus.algorithms.learners import OwnParts, make_learners
+from ludus.datasets import require_minari
 from ludus.disk import plain_file_opener
 from ludus.engine.output import count_errors
 from ludus.errors import CheckpointError, DivergenceError, RunError, UsageError
@@ -84,6 +85,8 @@ def train(
     layers = [python_layer(config)] if isinstance(config, TrainConfig) else config
     before = merge(layers)
     require_trackers(before.track)
+    if before.imitate is not None:
+        require_minari()
     _check_cluster(before, pool, parts.own)
     folder = RunFolder.find(resume) if resume else RunFolder.create(before)
     log_sizes = _log_sizes(folder)
@@ -136,7 +139,7 @@ def _train_in(
     torch.set_num_threads(config.torch_threads)
 
     def make_trainer() -> tuple[Trainer, dict[str, Learner]]:
-        learners = make_learners(config, pool, parts.own)
+        learners = make_learners(config, pool, parts.own, is_new=not is_resumed)
         return Trainer(config, pool, learners, folder), learners
 
     if is_resumed:

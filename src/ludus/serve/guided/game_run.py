@@ -148,11 +148,13 @@ def _hold(stack: ExitStack, folder: RunFolder) -> bool:
 def _create(config: TrainConfig, pool: Pool, folder: RunFolder) -> GameRun:
     if config.seed is None:
         config = replace(config, seed=secrets.randbits(31))
-    return _make_run(config, pool, folder, f"new run {folder.path.name}")
+    return _make_run(config, pool, folder, f"new run {folder.path.name}", is_new=True)
 
 
-def _make_run(config: TrainConfig, pool: Pool, folder: RunFolder, message: str) -> GameRun:
-    learners = make_learners(config, pool)
+def _make_run(
+    config: TrainConfig, pool: Pool, folder: RunFolder, message: str, *, is_new: bool = False
+) -> GameRun:
+    learners = make_learners(config, pool, is_new=is_new)
     trainer = Trainer(config, pool, learners, folder)
     return GameRun(folder, trainer, learners, config, message)
 
