@@ -106,10 +106,13 @@ renderers: .venv/.ready
 PROCESSES ?= 3
 PYTEST_PARALLEL = $(BIN)/pytest --numprocesses=$(PROCESSES) --dist=loadfile --no-loadscope-reorder
 
+# Files with tests that nothing may run beside; the others need not be imported for them.
+ALONE = $$(grep -rl --include='test_*.py' 'mark\.alone' tests)
+
 # The last run names what was left out.
 test: renderers
 	@failed=0; set -x; \
-	$(BIN)/pytest -m 'alone and not bevy and not libraries and not cluster and not editor' || failed=1; \
+	$(BIN)/pytest -m 'alone and not bevy and not libraries and not cluster and not editor' $(ALONE) || failed=1; \
 	$(PYTEST_PARALLEL) -m 'not alone and not bevy and not libraries and not cluster and not editor' || failed=1; \
 	exit $$failed
 
@@ -170,7 +173,7 @@ test-bevy: cargo renderers $(LIBRARIES)/.ready
 	@$(MAKE) --no-print-directory bevy-test
 	@$(MAKE) --no-print-directory bevy-examples
 	@failed=0; set -x; \
-	$(BIN)/pytest -m 'bevy and alone and not libraries' || failed=1; \
+	$(BIN)/pytest -m 'bevy and alone and not libraries' $(ALONE) || failed=1; \
 	$(PYTEST_PARALLEL) -m 'bevy and not alone and not libraries' || failed=1; \
 	$(LIBRARIES)/all/bin/pytest -m 'bevy and libraries' || failed=1; \
 	exit $$failed

@@ -76,6 +76,9 @@ STUCK = """\
 import sys
 from pathlib import Path
 from ludus.addon import environment
+import venv
+without_pip = venv.EnvBuilder()  # bringing pip takes four seconds
+venv.EnvBuilder = lambda with_pip: without_pip
 def wait(python, what):
     print("installing", flush=True)
     import time

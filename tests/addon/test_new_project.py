@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import subprocess
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -16,39 +19,65 @@ from ludus.settings.train_config import PPOConfig, TrainConfig
 KINDS = ("2d", "3d", "simulation")
 
 
+@dataclass(frozen=True)
+class Made:
+    """A new project that has been opened in the editor once, which imports it.
+
+    Attributes:
+        kind: Which project.
+        folder: Of the project.
+        told: What ``ludus new`` printed.
+        editor: What the editor printed.
+    """
+
+    kind: str
+    folder: Path
+    told: str
+    editor: str
+
+
+@pytest.fixture(scope="module", params=KINDS)
+def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Made:
+    folder = tmp_path_factory.mktemp("new") / "my-game"
+    with contextlib.redirect_stdout(io.StringIO()) as told:
+        assert main(["new", str(folder), f"--{request.param}"]) == 0
+    return Made(request.param, folder, told.getvalue(), run_godot(folder, "--editor", "--quit"))
+
+
+def run_godot(project: Path, *arguments: str) -> str:
+    """Return what Godot prints."""
+    godot = str(find_engine(EngineKind.GODOT4).executable(headless=True))
+    command = [godot, "--headless", "--path", str(project), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    return done.stdout + done.stderr
+
+
 @pytest.mark.engine
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_new_project_passes_the_check_and_trains(
-    kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    game = tmp_path / "my-game"
-    assert main(["new", str(game), f"--{kind}"]) == 0
-    assert f"ludus train {game}" in capsys.readouterr().out
-    assert 'config/name="my-game"' in (game / "project.godot").read_text()
-    report = run_checks(CheckConfig(target=game, num_steps=210, num_layout_worlds=4, timing_s=0.1))
+def test_a_new_project_opens_in_the_editor_and_is_played_by_hand(made: Made) -> None:
+    assert "ERROR" not in made.editor
+    assert "ERROR" not in run_godot(made.folder, "--fixed-fps", "60", "--quit-after", "30")
+
+
+@pytest.mark.engine
+def test_a_new_project_passes_the_check_and_trains(made: Made, tmp_path: Path) -> None:
+    assert f"ludus train {made.folder}" in made.told
+    assert 'config/name="my-game"' in (made.folder / "project.godot").read_text()
+    report = run_checks(
+        CheckConfig(target=made.folder, num_steps=210, num_layout_worlds=4, timing_s=0.1)
+    )
     bad = {Status.FAIL, Status.WARN}
     wrong = [finding for _, finding in report.findings if finding.status in bad]
-    if kind == "3d":  # the floor is flat: nothing is above or below
+    if made.kind == "3d":  # the floor is flat: nothing is above or below
         assert [finding.data["elements"] for finding in wrong] == [[1, 4, 7]], wrong
     else:
         assert not wrong, wrong
     config = TrainConfig(
-        target=str(game), num_worlds=2, num_engines=1, total_steps=64, runs=tmp_path / "runs",
-        evaluation_episodes=2, ppo=PPOConfig(rollout_steps=8, hidden_sizes=(8,)),
+        target=str(made.folder), num_worlds=2, num_engines=1, total_steps=64,
+        runs=tmp_path / "runs", evaluation_episodes=2,
+        ppo=PPOConfig(rollout_steps=8, hidden_sizes=(8,)),
     )  # fmt: skip
     run = ludus.train(config, progress=False)
     assert len(run.evaluation) == 1
-
-
-@pytest.mark.engine
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_new_project_opens_in_the_editor(kind: str, tmp_path: Path) -> None:
-    game = tmp_path / "game"
-    assert main(["new", str(game), f"--{kind}"]) == 0
-    godot = str(find_engine(EngineKind.GODOT4).executable(headless=True))
-    command = [godot, "--headless", "--editor", "--quit", "--path", str(game)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert "ERROR" not in done.stdout + done.stderr, done.stdout + done.stderr
 
 
 def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -76,35 +105,28 @@ def test_script_templates_are_installed_and_keep_what_is_there(
     assert "new:" not in capsys.readouterr().out.replace(" 0 new", "")
 
 
+# Prints errors of the engine for each script that is wrong.
+LOADER = """\
+extends SceneTree
+func _init() -> void:
+	for path in OS.get_cmdline_user_args():
+		assert(load(path).can_instantiate(), path)
+		print("loaded ", path)
+	quit()
+"""
+
+
 @pytest.mark.engine
 def test_scripts_made_of_the_templates_are_valid(tmp_path: Path) -> None:
     game = tmp_path / "game"
     assert main(["new", str(game)]) == 0
-    templates = game / "script_templates"
-    godot = str(find_engine(EngineKind.GODOT4).executable(headless=True))
-    for template in templates.rglob("*.gd"):
-        script = game / template.name
-        script.write_text(template.read_text().replace("_BASE_", "Node2D"))
-        command = [godot, "--headless", "--path", str(game), "--check-only", "--script"]
-        if not (game / ".godot").exists():
-            subprocess.run([*command[:4], "--import"], check=True, timeout=120)
-        done = subprocess.run(
-            [*command, f"res://{template.name}"], capture_output=True, text=True, timeout=60,
-            check=False,
-        )  # fmt: skip
-        assert "ERROR" not in done.stderr, f"{template}: {done.stderr}"
-
-
-@pytest.mark.engine
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_new_project_is_played_by_hand(kind: str, tmp_path: Path) -> None:
-    game = tmp_path / "game"
-    assert main(["new", str(game), f"--{kind}"]) == 0
-    command = [str(find_engine(EngineKind.GODOT4).executable(headless=True)), "--headless"]
-    command += ["--path", str(game)]
-    subprocess.run([*command, "--import"], capture_output=True, check=True, timeout=120)
-    done = subprocess.run(
-        [*command, "--fixed-fps", "60", "--quit-after", "30"], capture_output=True, text=True,
-        timeout=60, check=False,
-    )  # fmt: skip
-    assert "ERROR" not in done.stdout + done.stderr, done.stdout + done.stderr
+    (game / "loader.gd").write_text(LOADER)
+    scripts: list[str] = []
+    for template in (game / "script_templates").rglob("*.gd"):
+        (game / template.name).write_text(template.read_text().replace("_BASE_", "Node2D"))
+        scripts.append(f"res://{template.name}")
+    assert scripts
+    run_godot(game, "--import")
+    said = run_godot(game, "--script", "res://loader.gd", "--", *scripts)
+    assert "ERROR" not in said, said
+    assert said.count("loaded") == len(scripts)

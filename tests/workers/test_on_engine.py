@@ -22,7 +22,7 @@ from ludus.training.hooks import Training
 from ludus.training.loop import train
 from tests.godot.test_strangers import listening
 from tests.training.test_on_engine import SAC_IN_SCENE, Stopping, pennies
-from tests.workers.machines import assert_equal, newest
+from tests.workers.machines import assert_equal, newest, use_in_process
 from tests.workers.test_process import nothing_left, workers
 
 __all__ = ["nothing_left", "pennies"]
@@ -30,8 +30,11 @@ __all__ = ["nothing_left", "pennies"]
 pytestmark = [pytest.mark.engine, pytest.mark.slow]
 
 
-def test_two_policies_that_take_turns_learn_the_same(pennies: Any) -> None:
+def test_two_policies_that_take_turns_learn_the_same(
+    pennies: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """One of them by PPO, the other by SAC, each frozen while the other learns."""
+    use_in_process(monkeypatch)
     alone = pennies(SAC_IN_SCENE, num_engines=2, alternate_every=3, evaluation_episodes=4)
     spread = replace(alone, num_engines=1, cluster="local:2", name="spread")
     first, second = train(alone), train(spread)
@@ -43,8 +46,11 @@ def test_two_policies_that_take_turns_learn_the_same(pennies: Any) -> None:
     assert [0.0, 1.0] in modes
 
 
-def test_self_play_against_past_selves_is_the_same_on_workers(pennies: Any) -> None:
+def test_self_play_against_past_selves_is_the_same_on_workers(
+    pennies: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Who meets whom, ratings, past selves and what is learnt from them; one learner is SAC's."""
+    use_in_process(monkeypatch)
     league = LeagueConfig(share=0.5, snapshot_every_updates=2, pool_size=2, sampling="rating")
     alone = pennies(SAC_IN_SCENE, num_engines=4, league=league, alternate_every=3,
                     total_steps=6400, evaluation_episodes=4)  # fmt: skip

@@ -41,11 +41,9 @@ def nothing_left() -> Any:
 
 @pytest.mark.parametrize("case", ["ppo", "sac"])
 def test_processes_give_the_checkpoint_of_a_run_without_any(case: str, tmp_path: Path) -> None:
-    results = [train(config(case, tmp_path, cluster)) for cluster in (None, "local:2", "local:4")]
-    alone, *others = [newest(result.path) for result in results]
-    for other in others:
-        assert_equal(alone, other)
-    assert results[1].evaluation == results[0].evaluation
+    alone, spread = (train(config(case, tmp_path, cluster)) for cluster in (None, "local:2"))
+    assert_equal(newest(alone.path), newest(spread.path))
+    assert spread.evaluation == alone.evaluation
 
 
 def test_a_run_goes_on_in_another_layout_to_the_bit(tmp_path: Path) -> None:
