@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import ludus
-from ludus.check import CheckConfig, Status, run_checks
+from ludus.check import CheckConfig, CheckContext, Status, run_checks
+from ludus.check.resets import check_resets
 from ludus.engine import EngineKind, find_engine
 from ludus.settings.train_config import PPOConfig, TrainConfig
 from tests.godot_project import write_project
@@ -165,6 +166,32 @@ def test_a_game_with_sensors_passes_the_check(tmp_path: Path, dimension: str, la
     if dimension == "2d":
         assert any("Place: 2 float32" in title for title in titles), titles
     assert len(OWN_SENSOR.splitlines()) < 30
+
+
+OWN_RAY = """\
+func get_observation() -> PackedFloat32Array:
+	var ray: RayCast2D = $Ray
+	ray.force_raycast_update()
+	return PackedFloat32Array([ray.get_collision_point().x / 200.0])
+
+func told() -> PackedFloat32Array:
+"""
+
+
+def test_the_check_names_rays_that_a_game_casts_after_a_reset(tmp_path: Path) -> None:
+    game = write_game(tmp_path / "game", "2d", "isolated", "StaticBody")
+    script, scene = game / "game_2d.gd", game / "game.tscn"
+    observe = "func get_observation() -> PackedFloat32Array:\n"
+    script.write_text(script.read_text().replace(observe, OWN_RAY))
+    ray = '[node name="Ray" type="RayCast2D" parent="Body"]\ntarget_position = Vector2(200, 0)\n'
+    agent = '[node name="LudusAgent"'
+    text = scene.read_text().replace("count = 1\n", "count = 1\nis_entry = false\n")
+    scene.write_text(text.replace(agent, ray + agent))
+    with CheckContext(CheckConfig(target=game, num_steps=12)) as context:
+        (found, *_) = check_resets(context)
+    assert found.status is Status.FAIL
+    line = script.read_text().splitlines().index("\tray.force_raycast_update()") + 1
+    assert found.hint.startswith(f"res://game_2d.gd:{line} looks into the physics space"), found
 
 
 def test_layouts_see_the_same_bits_at_the_start(tmp_path: Path) -> None:

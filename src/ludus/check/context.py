@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import cast
 
 from ludus.check.recording import Recording, record
+from ludus.engine.kinds import EngineKind
 from ludus.errors import EngineError, UsageError
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.session import EngineSession, LaunchOptions
 from ludus.settings.checks import ABOVE_0, AT_LEAST_0, AT_LEAST_1, ONLY_1, setting
 from ludus.settings.pool_config import GameConfig, Layout
 from ludus.spec import Spec
-from ludus.target import Address, Play, check_accepted, parse_target, prepare
+from ludus.target import Address, Play, Scene, check_accepted, parse_target, prepare
 
 __all__ = ["CheckConfig", "CheckContext", "OneEngineOnly"]
 
@@ -117,6 +118,16 @@ class CheckContext:
         )
         with open_pool(self._target, PoolConfig.of(config)) as pool:
             yield pool
+
+    def scripts(self) -> Iterator[tuple[str, str]]:
+        """Yield path and text of each script of a Godot 4 project; of other games nothing."""
+        game = self._target
+        if not isinstance(game, Scene) or game.project.engine_kind is not EngineKind.GODOT4:
+            return
+        for file in sorted(game.project.root.rglob("*.gd")):
+            path = file.relative_to(game.project.root)
+            if path.parts[0] != "addons":
+                yield f"res://{path.as_posix()}", file.read_text("utf-8", errors="replace")
 
     def close(self) -> None:
         """End the shared engine; may be called twice."""

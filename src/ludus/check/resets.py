@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +21,15 @@ FIRST_TOLERANCE = 1e-5
 LATER_TOLERANCE = 1e-2
 HINT = (
     "reset() must restore everything that an episode changes: positions, velocities, timers, counts"
+)
+CASTS = re.compile(
+    r"\b(force_(ray|shape)cast_update|intersect_(ray|shape|point)|cast_motion|collide_shape"
+    r"|is_colliding|get_overlapping_\w+)\s*\("
+)
+CASTS_HINT = (
+    "{place} looks into the physics space, where bodies that reset() has moved are at their old "
+    "places until the next tick: use a sensor such as LudusRays2D, which sees them at once "
+    "(docs/sensors.md), or set settle_ticks of the LudusWorld to 1. Otherwise: "
 )
 
 
@@ -63,7 +74,7 @@ def _after_reset(context: CheckContext, pool: EnginePool, fresh: Recording) -> l
         f"before it was played for {num_played} steps, {unplayed:.6g} if it was not played"
     )
     if step == 0 and found.size > FIRST_TOLERANCE:
-        return [fail(title, detail, HINT, scaled_difference=found.size)]
+        return [fail(title, detail, _hint(context), scaled_difference=found.size)]
     if found.size > LATER_TOLERANCE:
         return [warn(title, detail, HINT, scaled_difference=found.size)]
     return [ok(title, f"the largest later difference is {found.size:.1g} of the usual size")]
@@ -93,8 +104,17 @@ def _after_end(context: CheckContext, fresh: Recording) -> list[Finding]:
                 f"world {world}, step {step}: {found.name} is {got:.6g}; a reset to the same "
                 f"episode gives {expected:.6g}"
             )
-            return [fail(title, detail, HINT)]
+            return [fail(title, detail, _hint(context))]
     return [ok(title, f"in {len(worlds)} worlds")]
+
+
+def _hint(context: CheckContext) -> str:
+    """Say what may be wrong with a first observation; rays that the game casts itself are named."""
+    for script, text in context.scripts():
+        for number, line in enumerate(text.splitlines(), 1):
+            if CASTS.search(line.partition("#")[0]):
+                return CASTS_HINT.format(place=f"{script}:{number}") + HINT
+    return HINT
 
 
 def _first_ends_of_worlds(recording: Recording) -> NDArray[np.int64]:
