@@ -72,6 +72,13 @@ def _godot_gym_api(peers: Path, rounds: int) -> str:
     return _measure("godot_gym_api.py", project, "--rounds", rounds)
 
 
+def _godot_rl_agents(peers: Path, rounds: int) -> str:
+    project = _clone(
+        peers, "edbeeching/godot_rl_agents_plugin", "bf5d6a2d7374c65ecb23cd8cdc425cac25399ec4"
+    )
+    return _measure("rays.py", project, "--rounds", rounds)
+
+
 def _stable_baselines3(peers: Path, rounds: int) -> str:
     packages = peers / "sb3"
     if not packages.exists():
@@ -85,6 +92,7 @@ def _stable_baselines3(peers: Path, rounds: int) -> str:
 COMPARISONS: dict[str, Callable[[Path, int], str]] = {
     "gymgodot": _gymgodot,
     "godot_gym_api": _godot_gym_api,
+    "godot_rl_agents": _godot_rl_agents,
     "stable-baselines3": _stable_baselines3,
 }
 
