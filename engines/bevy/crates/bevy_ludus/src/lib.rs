@@ -106,6 +106,7 @@ mod policy_player;
 mod policy_plugin;
 mod requests;
 mod roster;
+mod sensor;
 mod stage;
 mod systems;
 #[cfg(feature = "trainer")]
@@ -128,6 +129,7 @@ pub use methods::{Arguments, MethodResult};
 pub use plugin::{LudusApp, LudusPlugin};
 pub use policy_plugin::{EpisodeEnded, LudusPolicyPlugin};
 pub use requests::{Mode, PolicyStatus, Requests, TrainingStatus};
+pub use sensor::Sensor;
 
 #[cfg(feature = "trainer")]
 pub use link::LudusTcpPlugin;
@@ -155,7 +157,7 @@ pub mod prelude {
     pub use crate::wire::{EpisodeMode, WorldLayout};
     pub use crate::world::{InWorld, LudusWorld};
     pub use crate::{EpisodeEnded, LudusApp, LudusPlugin, LudusPolicyPlugin};
-    pub use crate::{Requests, TrainingStatus};
+    pub use crate::{Requests, Sensor, TrainingStatus};
     // Only the macros; the traits of the same names are in `space`.
     pub use bevy_ludus_derive::{ActionSpace, ObservationSpace};
 }

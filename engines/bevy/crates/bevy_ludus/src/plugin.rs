@@ -9,6 +9,7 @@ use crate::requests::{Requests, TrainingStatus};
 use crate::schedules::{
     Act, ControlState, Judge, LudusSystems, Observe, Reset, fit_executors_to_cores,
 };
+use crate::sensor::{Sensor, run_sensor};
 use crate::stage::{Settings, Stage};
 use crate::systems::{
     ReadActions, WriteRows, note_leaver, note_newcomer, read_actions, write_masks,
@@ -225,6 +226,13 @@ pub trait LudusApp {
         policy: Policy,
     ) -> &mut Self;
 
+    /// Lets a sensor measure for all agents that have it and see an `O`, in the schedule `Observe`;
+    /// `put` puts what it has measured into the observation.
+    fn add_sensor<S: Sensor, O: space::ObservationSpace>(
+        &mut self,
+        put: fn(&mut O, S::Value),
+    ) -> &mut Self;
+
     /// Lets the trainer call a method of the game, on a world or on an agent.
     fn add_ludus_method<M>(
         &mut self,
@@ -258,6 +266,13 @@ impl LudusApp for App {
             self.add_systems(WriteRows, write_observations::<O>);
         }
         self
+    }
+
+    fn add_sensor<S: Sensor, O: space::ObservationSpace>(
+        &mut self,
+        put: fn(&mut O, S::Value),
+    ) -> &mut Self {
+        self.add_systems(Observe, run_sensor::<S, O>(put))
     }
 
     fn add_ludus_method<M>(

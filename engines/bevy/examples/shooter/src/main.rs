@@ -15,20 +15,15 @@ mod view;
 use arena::{Arena, MAX_EPISODE_STEPS, NUM_SHOOTERS};
 use bevy_app::prelude::*;
 use bevy_app::{ScheduleRunnerPlugin, TaskPoolPlugin};
-use bevy_ecs::batching::BatchingStrategy;
 use bevy_ecs::prelude::*;
 use bevy_ludus::prelude::*;
-use bevy_state::prelude::*;
 use bevy_time::{Fixed, Time, TimePlugin};
 use shooter::Decision;
-use sight::Look;
 use std::time::Duration;
 
 const TICKS_PER_SECOND: f64 = 30.0;
 const TICKS_PER_STEP: u32 = 2;
 const STEPS_PER_SECOND: f32 = TICKS_PER_SECOND as f32 / TICKS_PER_STEP as f32;
-/// Shooters whose rays are worth a thread of their own.
-const MIN_SHOOTERS_PER_THREAD: usize = 64;
 
 /// What the shooters see.
 #[cfg(not(feature = "pixels"))]
@@ -38,7 +33,7 @@ type Seen = pixels::Pixels;
 
 /// Which of the shooters of its arena an agent is.
 #[derive(Component, Clone, Copy, Debug)]
-struct Number(usize);
+pub struct Number(usize);
 
 fn main() -> AppExit {
     let frame = Duration::from_secs_f64(1.0 / TICKS_PER_SECOND);
@@ -72,6 +67,8 @@ impl Plugin for ShooterPlugin {
             .add_systems(Judge, (pass_step, judge).chain())
             .add_systems(Observe, observe)
             .add_systems(Reset, begin);
+        #[cfg(not(feature = "pixels"))]
+        app.add_sensor::<sight::Eyes, Seen>(Seen::take_rays);
         #[cfg(feature = "view")]
         app.add_plugins(view::ViewPlugin);
     }
@@ -95,6 +92,7 @@ fn fill_world(add: On<Add, LudusWorld>, mut commands: Commands) {
             Agent::of("shooter"),
             InWorld(add.entity),
             Number(number),
+            sight::Eyes,
             Name::new(format!("shooter {number}")),
         ));
     }
@@ -142,23 +140,13 @@ fn judge(arenas: Query<&Arena>, mut agents: Query<(&Number, &InWorld, &mut Rewar
     }
 }
 
-/// Looks through all eyes; when episodes begin, only through the eyes of those that begin.
-fn observe(
-    state: Res<State<ControlState>>,
-    arenas: Query<&Arena>,
-    mut agents: Query<(&Number, &InWorld, &Episode, &mut Observation<Seen>)>,
-) {
-    let is_reset = *state.get() == ControlState::Reset;
-    let batches = BatchingStrategy::new().min_batch_size(MIN_SHOOTERS_PER_THREAD);
-    agents.par_iter_mut().batching_strategy(batches).for_each(
-        |(number, home, episode, mut seen)| {
-            if let Ok(arena) = arenas.get(home.0)
-                && (!is_reset || episode.is_beginning())
-            {
-                seen.0 = Seen::look(arena, number.0);
-            }
-        },
-    );
+/// Shows each agent its rifle; the eyes are a sensor.
+fn observe(arenas: Query<&Arena>, mut agents: Query<(&Number, &InWorld, &mut Observation<Seen>)>) {
+    for (number, home, mut seen) in &mut agents {
+        if let Ok(arena) = arenas.get(home.0) {
+            seen.0.loaded = sight::loaded(&arena.shooters[number.0]);
+        }
+    }
 }
 
 /// Makes the arenas of worlds whose episodes begin.

@@ -1,7 +1,5 @@
 //! Shooters that see pictures in the place of rays.
 
-use crate::arena::Arena;
-use crate::sight::{Look, loaded};
 use bevy_ecs::entity::Entity;
 use bevy_ludus::camera::{LudusCamera, Picture};
 use bevy_ludus::prelude::*;
@@ -14,15 +12,7 @@ const EYE: &str = "eye";
 pub struct Pixels {
     /// How far the rifle is reloaded; it shoots at 1.
     #[ludus(low = 0.0, high = 1.0)]
-    loaded: f32,
-}
-
-impl Look for Pixels {
-    fn look(arena: &Arena, number: usize) -> Self {
-        Self {
-            loaded: loaded(&arena.shooters[number]),
-        }
-    }
+    pub loaded: f32,
 }
 
 /// Adds the pictures to the observation of a policy.

@@ -1,7 +1,9 @@
 //! Rays: what a shooter sees of walls, targets and the others, and what a shot hits.
 
+use crate::Number;
 use crate::arena::{Arena, HALF_SIZE};
 use crate::shooter::Shooter;
+use bevy_ecs::prelude::*;
 use bevy_ludus::prelude::*;
 use bevy_math::bounding::{BoundingCircle, BoundingCircleCast, RayCast2d};
 use bevy_math::{Dir2, Rot2, Vec2};
@@ -54,31 +56,69 @@ struct Distances {
     other: Option<f32>,
 }
 
-/// An observation: what a shooter takes in of its arena.
-pub trait Look {
-    /// Looks through the eyes of the shooter of a number.
-    fn look(arena: &Arena, number: usize) -> Self;
+/// The eyes of a shooter: they measure along all rays.
+#[derive(Component, Clone, Copy, Debug)]
+pub struct Eyes;
+
+impl Sensor for Eyes {
+    type Value = Rays;
+    type Param = (
+        Query<'static, 'static, &'static Number>,
+        Query<'static, 'static, &'static Arena>,
+    );
+
+    fn sense(
+        &self,
+        agent: Entity,
+        home: InWorld,
+        (numbers, arenas): &(Query<&Number>, Query<&Arena>),
+    ) -> Rays {
+        match (numbers.get(agent), arenas.get(home.0)) {
+            (Ok(number), Ok(arena)) => Rays::look(arena, number.0),
+            _ => Rays::CLEAR,
+        }
+    }
 }
 
-impl Look for View {
+/// Distances along the rays from left to right, as in [`View`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rays {
+    walls: [f32; NUM_RAYS],
+    targets: [f32; NUM_RAYS],
+    others: [f32; NUM_RAYS],
+}
+
+impl Rays {
+    const CLEAR: Self = Self {
+        walls: [1.0; NUM_RAYS],
+        targets: [1.0; NUM_RAYS],
+        others: [1.0; NUM_RAYS],
+    };
+
+    /// Looks through the eyes of the shooter of a number.
     fn look(arena: &Arena, number: usize) -> Self {
         let shooter = &arena.shooters[number];
-        let mut view = Self {
-            walls: [1.0; NUM_RAYS],
-            targets: [1.0; NUM_RAYS],
-            others: [1.0; NUM_RAYS],
-            loaded: loaded(shooter),
-        };
+        let mut rays = Self::CLEAR;
         let step = Rot2::degrees(-RAY_STEP);
         let mut rotation = shooter.rotation() * Rot2::degrees(0.5 * ANGLE_OF_VIEW);
         for ray in 0..NUM_RAYS {
             let found = measure(arena, number, direction(rotation));
-            view.walls[ray] = found.wall / REACH;
-            view.targets[ray] = found.target.map_or(1.0, |(distance, _)| distance / REACH);
-            view.others[ray] = found.other.map_or(1.0, |distance| distance / REACH);
+            rays.walls[ray] = found.wall / REACH;
+            rays.targets[ray] = found.target.map_or(1.0, |(distance, _)| distance / REACH);
+            rays.others[ray] = found.other.map_or(1.0, |distance| distance / REACH);
             rotation = (rotation * step).fast_renormalize();
         }
-        view
+        rays
+    }
+}
+
+impl View {
+    /// Takes what the eyes have measured.
+    #[cfg_attr(feature = "pixels", allow(dead_code))]
+    pub fn take_rays(&mut self, rays: Rays) {
+        self.walls = rays.walls;
+        self.targets = rays.targets;
+        self.others = rays.others;
     }
 }
 
@@ -188,7 +228,7 @@ mod tests {
 
     #[test]
     fn an_empty_arena_ends_at_its_border() {
-        let view = View::look(&empty(), 0);
+        let view = Rays::look(&empty(), 0);
         assert!(near(view.walls[MIDDLE], HALF_SIZE));
         assert!(near(view.walls[0], HALF_SIZE / 40_f32.to_radians().cos()));
         assert_eq!(
@@ -205,7 +245,7 @@ mod tests {
         arena.targets[1] = target_at(left.x, left.y);
         let right = Vec2::from_angle(-20_f32.to_radians()) * 6.0;
         arena.shooters[2].place = right;
-        let view = View::look(&arena, 0);
+        let view = Rays::look(&arena, 0);
         assert!(near(
             view.targets[MIDDLE - 3],
             6.0 - target::RADIUS - BEAM_RADIUS
@@ -231,7 +271,7 @@ mod tests {
         arena.shooters[1].place = Vec2::new(3.0, 0.0);
         assert_eq!(aim(&arena, 0).0, Hit::Other);
         arena.walls = vec![Aabb2d::new(Vec2::new(2.0, 0.0), Vec2::new(0.25, 1.0))];
-        let view = View::look(&arena, 0);
+        let view = Rays::look(&arena, 0);
         assert!(near(view.walls[MIDDLE], 1.75));
         assert_eq!((view.targets[MIDDLE], view.others[MIDDLE]), (1.0, 1.0));
         assert_eq!(aim(&arena, 0).0, Hit::Wall);
@@ -242,7 +282,7 @@ mod tests {
         let mut arena = empty();
         arena.targets[0] = target_at(5.0, 0.0);
         arena.targets[0].is_up = false;
-        assert_eq!(View::look(&arena, 0).targets, [1.0; NUM_RAYS]);
+        assert_eq!(Rays::look(&arena, 0).targets, [1.0; NUM_RAYS]);
     }
 
     /// Marches along a ray in small steps until it is in a wall or outside: another way to measure.
@@ -267,7 +307,7 @@ mod tests {
             let mut arena = Arena::begin(&mut world, 15.0);
             arena.shooters[0].heading = heading;
             let Shooter { place, .. } = arena.shooters[0];
-            let found = View::look(&arena, 0).walls[MIDDLE] * REACH;
+            let found = Rays::look(&arena, 0).walls[MIDDLE] * REACH;
             let marched = march(&arena, place, Vec2::from_angle(heading));
             // A ray may graze a corner between two steps of the march.
             let grazes = march(&arena, place + Vec2::from_angle(heading).perp() * 0.002, Vec2::from_angle(heading));
@@ -280,7 +320,7 @@ mod tests {
             let mut arena = Arena::begin(&mut world, 15.0);
             arena.targets[0] = target_at(world.random.range(-9.0..9.0), world.random.range(-9.0..9.0));
             arena.shooters[0].heading = heading;
-            let view = View::look(&arena, 0);
+            let view = Rays::look(&arena, 0);
             let (target, other) = (view.targets[MIDDLE], view.others[MIDDLE]);
             let expected = match aim(&arena, 0).0 {
                 Hit::Target(number) => number == 0 && target < 1.0 && target <= other,

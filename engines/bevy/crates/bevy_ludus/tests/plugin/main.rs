@@ -4,6 +4,7 @@ mod control;
 mod game;
 mod membership;
 mod refusals;
+mod sensors;
 mod stepping;
 mod trainer;
 #[cfg(feature = "camera")]
