@@ -87,6 +87,8 @@ def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert [file.name for file in tmp_path.iterdir()] == ["kept.txt"]
     assert main(["new", str(tmp_path / "x"), "--2d", "--3d"]) == 2
     assert main(["new", str(tmp_path / 'a"b')]) == 2
+    assert main(["new", str(tmp_path / "2nd"), "--bevy"]) == 2
+    assert "no digit first" in capsys.readouterr().err
 
 
 def test_script_templates_are_installed_and_keep_what_is_there(

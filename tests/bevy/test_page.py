@@ -1,4 +1,4 @@
-"""The game of docs/bevy.md, built with the crates as they would be published, passes all checks."""
+"""The game of docs/bevy.md and ``ludus new --bevy``, built with the crates as published."""
 
 from __future__ import annotations
 
@@ -52,11 +52,12 @@ def crates(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def package(crates: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The package of the page; its dependencies in the versions that all tests use."""
-    folder = tmp_path_factory.mktemp("page")
-    (folder / "src").mkdir()
-    manifest = block("toml")
-    assert CHECKOUT in manifest
+    """What ``ludus new`` makes; its dependencies in the versions that all tests use."""
+    folder = tmp_path_factory.mktemp("page") / "runner"
+    assert main(["new", str(folder), "--bevy"]) == 0
+    manifest = (folder / "Cargo.toml").read_text().replace(f"{WORKSPACE}/crates", CHECKOUT)
+    assert manifest == block("toml")
+    assert (folder / "src/main.rs").read_text() == block("rust,no_run")
     # The crate for the macros is not on crates.io; and this builds on the Bevy of the examples.
     more = f"""
 [dependencies.workspace_hack]
@@ -70,17 +71,11 @@ bevy_ludus_derive = {{ path = "{crates}/bevy_ludus_derive" }}
     return folder
 
 
-def build(package: Path, program: str) -> Path:
-    """Build the package, with the Bevy of the examples without pictures; return its executable."""
-    (package / "src/main.rs").write_text(program)
-    target = Path(os.environ.get("CARGO_TARGET_DIR", WORKSPACE / "target"))
-    subprocess.run(
-        ["cargo", "build", "--quiet", "--release"],
-        cwd=package,
-        env={**os.environ, "CARGO_TARGET_DIR": str(target)},
-        check=True,
-    )
-    return target / "release/runner"
+@pytest.fixture(autouse=True)
+def target_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Builds use the Bevy of the examples without pictures."""
+    target = os.environ.get("CARGO_TARGET_DIR", str(WORKSPACE / "target"))
+    monkeypatch.setenv("CARGO_TARGET_DIR", target)
 
 
 @pytest.mark.parametrize("crate", PUBLISHED)
@@ -97,12 +92,13 @@ def test_a_crate_holds_all_that_it_needs(crates: Path, crate: str) -> None:
         assert list((golden / "policies").glob("*.ludus.json"))
 
 
-def check(executable: Path) -> CheckReport:
-    return run_checks(CheckConfig(target=executable, num_layout_worlds=8, timing_s=0.05))
+def check(package: Path, program: str) -> CheckReport:
+    (package / "src/main.rs").write_text(program)
+    return run_checks(CheckConfig(target=package, num_layout_worlds=8, timing_s=0.05))
 
 
 def test_the_game_of_the_page_passes(package: Path) -> None:
-    report = check(build(package, block("rust,no_run")))
+    report = check(package, block("rust,no_run"))
     assert [f for _, f in report.findings if f.status in {Status.FAIL, Status.WARN}] == []
     verdict, _ = (found for name, found in report.findings if name == "layouts")
     assert verdict.data["verdict"] == "equal to the bit"
@@ -111,9 +107,9 @@ def test_the_game_of_the_page_passes(package: Path) -> None:
 def test_the_game_of_the_page_trains_and_its_metrics_arrive(package: Path, tmp_path: Path) -> None:
     program = block("rust,no_run")
     assert program.count(BEGUN) == 1
-    game = build(package, program.replace(BEGUN, f"{BEGUN}\n{REPORT}"))
+    (package / "src/main.rs").write_text(program.replace(BEGUN, f"{BEGUN}\n{REPORT}"))
     arguments = [
-        "train", str(game), "--total-steps", "512", "--num-worlds", "8", "--num-engines", "1",
+        "train", str(package), "--total-steps", "512", "--num-worlds", "8", "--num-engines", "1",
         "--runs", str(tmp_path), "--name", "short", "--ppo.rollout-steps", "16",
     ]  # fmt: skip
     assert main(arguments) == 0
@@ -128,7 +124,7 @@ def test_the_game_of_the_page_trains_and_its_metrics_arrive(package: Path, tmp_p
 def test_a_game_with_one_layout_passes_in_that(package: Path) -> None:
     program, num_cuts = re.subn(ISOLATED, "", block("rust,no_run"), flags=re.DOTALL)
     assert num_cuts == 1
-    report = check(build(package, program))
+    report = check(package, program)
     assert [f for _, f in report.findings if f.status in {Status.FAIL, Status.WARN}] == []
     (layouts,) = (found for name, found in report.findings if name == "layouts")
     assert layouts.status is Status.INFO

@@ -16,6 +16,7 @@ from ludus.target import (
     COMMANDS,
     REFUSALS,
     Address,
+    CargoPackage,
     Example,
     Executable,
     Gymnasium,
@@ -198,6 +199,18 @@ def test_engine_is_found_for_the_project(
     assert replace(scene, godot=program).find_engine().path == program
     with pytest.raises(ConfigError):
         replace(scene, godot=Path("/nowhere")).find_engine()
+
+
+def test_a_folder_with_a_manifest_is_a_package(tmp_path: Path) -> None:
+    (tmp_path / "Cargo.toml").write_text("")
+    package = parse_target(tmp_path)
+    assert package == CargoPackage(tmp_path)
+    assert package.name == tmp_path.name
+    with pytest.raises(TargetError, match="decides itself"):
+        parse_target(tmp_path, scene="level.tscn")
+    (tmp_path / "project.godot").write_text("config_version=5\n")
+    with pytest.raises(TargetError, match="scene"):
+        parse_target(tmp_path)  # a Godot project with Rust in it: it has no main scene
 
 
 def test_every_kind_has_its_refusals() -> None:

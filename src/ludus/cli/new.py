@@ -14,19 +14,21 @@ __all__ = ["COMMAND", "NewCommand", "run"]
 
 @dataclass(frozen=True)
 class NewCommand:
-    """Make a Godot 4 project with a small game, an agent and the add-on, ready to be trained.
+    """Make a project with a small game and an agent, ready to be trained: for Godot 4, or Bevy.
 
     Attributes:
         folder: Where; its name is the project's.
         is_2d: A game in 2D: a player collects coins. The default.
         is_3d: The same in 3D.
         simulation: A game in one script, without nodes, for many worlds.
+        bevy: A game for Bevy: a Cargo package.
     """
 
     folder: tyro.conf.Positional[Path]
     is_2d: Annotated[bool, tyro.conf.arg(name="2d")] = False
     is_3d: Annotated[bool, tyro.conf.arg(name="3d")] = False
     simulation: bool = False
+    bevy: bool = False
 
 
 COMMAND = NewCommand
@@ -42,11 +44,14 @@ def run(command: NewCommand) -> int:
         ProjectKind.TWO_D: command.is_2d,
         ProjectKind.THREE_D: command.is_3d,
         ProjectKind.SIMULATION: command.simulation,
+        ProjectKind.BEVY: command.bevy,
     }
     chosen = [kind for kind, is_given in given.items() if is_given] or [ProjectKind.TWO_D]
     if len(chosen) > 1:
-        raise UsageError("--2d, --3d and --simulation exclude each other", "choose one of them")
+        named = " and ".join(f"--{kind}" for kind in chosen)
+        raise UsageError(f"{named} exclude each other", "choose one of them")
     folder = make_project(command.folder, chosen[0])
-    remember_installer()
+    if chosen[0] is not ProjectKind.BEVY:
+        remember_installer()
     sys.stdout.write(f"made {folder}; now: ludus train {folder}\n")
     return 0

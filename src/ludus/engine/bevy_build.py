@@ -1,4 +1,4 @@
-"""The Bevy examples that come with Ludus, built by Cargo.
+"""Bevy games built by Cargo: the examples that come with Ludus, and packages of users.
 
 ``bevy:NAME`` is an example, ``bevy:NAME+FEATURE`` the same built with one of its Cargo features.
 """
@@ -19,16 +19,19 @@ from ludus.errors import SetupError, TargetError
 from ludus.locks import file_lock
 
 __all__ = [
+    "MANIFEST",
     "PREFIX",
     "bevy_example_features",
     "bevy_example_names",
     "build_bevy_example",
+    "build_package",
     "find_bevy_example",
     "with_view",
 ]
 
 PREFIX = "bevy:"
 FEATURE_MARK = "+"
+MANIFEST = "Cargo.toml"
 VIEW = "view"
 """Feature of examples that draw only if asked to."""
 
@@ -92,22 +95,52 @@ def build_bevy_example(name: str) -> Path:
     """
     root = bevy_workspace()
     assert root is not None, "find_bevy_example found the example"
+    package, *features = name.split(FEATURE_MARK)
+    flags = ["--locked", "--package", package, "--example", package]
+    flags += ["--features", ",".join(features)] if features else []
+    with file_lock(require_cache_root() / "bevy.lock", _BUILD_TIMEOUT_S):
+        built = _build(flags, root, f"{PREFIX}{name}")
+        if package in built:
+            return _keep(built[package], name)
+    raise SetupError(f"Cargo built {PREFIX}{name}, but reported no executable")
+
+
+def build_package(folder: Path) -> Path:
+    """Build the game of a Cargo package, optimised, and return its executable.
+
+    Args:
+        folder: That of its ``Cargo.toml``.
+
+    Raises:
+        SetupError: There is no Cargo, or the package cannot be built.
+        TargetError: It has no program, or several.
+    """
+    built = _build(["--bins"], folder, str(folder))
+    if len(built) != 1:
+        programs = ", ".join(str(path) for path in built.values()) or "none"
+        raise TargetError(
+            f"{folder} must have one program, and Cargo has built: {programs}",
+            "name the executable of the game, or the folder of the package that has it",
+        )
+    return next(iter(built.values()))
+
+
+def _build(flags: list[str], folder: Path, name: str) -> dict[str, Path]:
+    """Let Cargo build in a folder; return the executables by the names of their targets."""
     cargo = shutil.which("cargo")
     if cargo is None:
         raise SetupError(
-            f"building {PREFIX}{name} needs Cargo, which is not on PATH",
+            f"building {name} needs Cargo, which is not on PATH",
             hint="install Rust from https://rustup.rs",
         )
-    package, *features = name.split(FEATURE_MARK)
-    command = [cargo, "build", "--release", "--locked", "--package", package, "--example", package]
-    command += ["--features", ",".join(features)] if features else []
-    with file_lock(require_cache_root() / "bevy.lock", _BUILD_TIMEOUT_S):
-        lines = _run_cargo([*command, "--message-format", "json-render-diagnostics"], root, name)
-        for line in lines:
-            message: dict[str, Any] = json.loads(line) if line.startswith("{") else {}
-            if message.get("executable") and message["target"]["name"] == package:
-                return _keep(Path(message["executable"]), name)
-    raise SetupError(f"Cargo built {PREFIX}{name}, but reported no executable")
+    command = [cargo, "build", "--release", *flags]
+    lines = _run_cargo([*command, "--message-format", "json-render-diagnostics"], folder, name)
+    messages: list[dict[str, Any]] = [json.loads(line) for line in lines if line.startswith("{")]
+    return {
+        message["target"]["name"]: Path(message["executable"])
+        for message in messages
+        if message.get("executable")
+    }
 
 
 def _run_cargo(command: list[str], root: Path, name: str) -> list[str]:
@@ -126,10 +159,10 @@ def _run_cargo(command: list[str], root: Path, name: str) -> list[str]:
             check=False,
         )
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise SetupError(f"{PREFIX}{name} cannot be built: {error}") from error
+        raise SetupError(f"{name} cannot be built: {error}") from error
     if result.returncode != 0:
         raise SetupError(
-            f"{PREFIX}{name} cannot be built: Cargo ended with {result.returncode}",
+            f"{name} cannot be built: Cargo ended with {result.returncode}",
             hint=f"read Cargo's messages above; {root / 'Cargo.toml'} names the oldest Rust that "
             "works (rust-version)",
         )

@@ -3,6 +3,7 @@
 from ludus.target.acceptance import COMMANDS, REFUSALS, check_accepted
 from ludus.target.kinds import (
     Address,
+    CargoPackage,
     EngineTarget,
     Example,
     Executable,
@@ -30,6 +31,7 @@ __all__ = [
     "LEGACY_PREFIXES",
     "REFUSALS",
     "Address",
+    "CargoPackage",
     "EngineTarget",
     "Example",
     "Executable",

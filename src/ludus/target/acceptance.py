@@ -10,6 +10,7 @@ from collections.abc import Collection
 from ludus.errors import TargetError
 from ludus.target.kinds import (
     Address,
+    CargoPackage,
     Example,
     Executable,
     Gymnasium,
@@ -55,6 +56,7 @@ REFUSALS: dict[type[Target], tuple[Refusal, ...]] = {
     Example: (),
     Scene: (),
     Executable: (),
+    CargoPackage: (),
     Address: ((("record",), _NOT_OURS_TO_FILM),),
     Play: ((("record",), _NOT_OURS_TO_FILM),),
     Gymnasium: ((("bench",), _NO_CEILING),),

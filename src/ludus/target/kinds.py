@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import overload
 
-from ludus.engine.bevy_build import PREFIX, build_bevy_example
+from ludus.engine.bevy_build import PREFIX, build_bevy_example, build_package
 from ludus.engine.bundled import find_example, runnable_bundled_root
 from ludus.engine.find import InstalledEngine, find_engine
 from ludus.engine.project import Project, find_project, scene_path
 
 __all__ = [
     "Address",
+    "CargoPackage",
     "EngineTarget",
     "Example",
     "Executable",
@@ -88,6 +89,22 @@ class Executable:
     def name(self) -> str:
         """The program's file name without its ending."""
         return self.path.stem
+
+
+@dataclass(frozen=True)
+class CargoPackage:
+    """A Bevy game as source code; :func:`prepare` builds it.
+
+    Attributes:
+        path: The folder of its ``Cargo.toml``.
+    """
+
+    path: Path
+
+    @property
+    def name(self) -> str:
+        """The folder's name."""
+        return self.path.resolve().name
 
 
 @dataclass(frozen=True)
@@ -185,10 +202,10 @@ class PolicyFile:
 
 Game = Scene | Executable | Address | Play
 """What a session can be opened with directly."""
-EngineTarget = Example | Game
+EngineTarget = Example | CargoPackage | Game
 """What :func:`prepare` makes a game of, and a pool opens with engines."""
 PreparedTarget = Game | Gymnasium | Legacy | Run | PolicyFile
-Target = Example | PreparedTarget
+Target = Example | CargoPackage | PreparedTarget
 
 
 @overload
@@ -196,12 +213,16 @@ def prepare(target: EngineTarget) -> Game: ...
 @overload
 def prepare(target: Target) -> PreparedTarget: ...
 def prepare(target: Target) -> PreparedTarget:
-    """Return what an example is: copied to a writable place, or built. Others stay as they are.
+    """Return what is to be started: examples are copied or built, Cargo packages built.
+
+    Others stay as they are.
 
     Raises:
-        SetupError: The example cannot be prepared.
-        TargetError: It has no such scene.
+        SetupError: An example or package cannot be prepared.
+        TargetError: The example has no such scene, or the package not one program.
     """
+    if isinstance(target, CargoPackage):
+        return Executable(build_package(target.path))
     if not isinstance(target, Example):
         return target
     found = find_example(target.name)

@@ -8,12 +8,13 @@ import re
 import sys
 from pathlib import Path
 
-from ludus.engine.bevy_build import bevy_example_names, find_bevy_example
+from ludus.engine.bevy_build import MANIFEST, bevy_example_names, find_bevy_example
 from ludus.engine.bundled import example_names, find_example
 from ludus.engine.project import PROJECT_FILE, SCENE_SUFFIXES, find_project, scene_path
 from ludus.errors import TargetError
 from ludus.target.kinds import (
     Address,
+    CargoPackage,
     Example,
     Executable,
     Gymnasium,
@@ -57,9 +58,11 @@ def parse_target(
     if parsed is None and find_example(text) is not None:
         return Example(text, scene, engine)
     if parsed is None and path.exists():
-        if _has_scenes(path):
+        if (path / MANIFEST).is_file() and not (path / PROJECT_FILE).is_file():
+            parsed = CargoPackage(path)
+        elif _has_scenes(path):
             return _parse_project(path, scene, engine)
-        parsed = find_run(path) or _parse_file(path)
+        parsed = parsed or find_run(path) or _parse_file(path)
     parsed = parsed or _parse_address(text)
     if parsed is None and split_addresses(text):
         raise TargetError(

@@ -18,7 +18,15 @@ from typing import Any
 
 from ludus.engine.cache import require_cache_root
 from ludus.errors import SetupError
-from ludus.target import Example, Executable, Scene, parse_target, prepare, split_addresses
+from ludus.target import (
+    CargoPackage,
+    Example,
+    Executable,
+    Scene,
+    parse_target,
+    prepare,
+    split_addresses,
+)
 
 __all__ = ["Parcel", "find_parcel", "has_parcel", "unpack_parcel"]
 
@@ -80,7 +88,7 @@ def find_parcel(target: str, scene: str | Path | None, godot: Path | None) -> Pa
     if split_addresses(target):
         return None
     parsed = parse_target(target, scene=scene, godot=godot)
-    if not isinstance(parsed, Example | Executable | Scene):
+    if not isinstance(parsed, Example | CargoPackage | Executable | Scene):
         return None
     game = prepare(parsed)
     if isinstance(game, Executable):
