@@ -38,7 +38,7 @@ LOW_EXPLAINED_VARIANCE = 0.05
 """A critic that explains less of the returns helps no more than none."""
 
 BLIND_UPDATES = 50
-"""Updates in a row with such a critic. New critics of `tag` had at most three."""
+"""Updates in a row with such a critic. New critics of `tag` had at most five."""
 
 MIN_DEVIATIONS = 3.0
 """Standard errors between two means that are not chance."""
