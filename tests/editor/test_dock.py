@@ -160,3 +160,34 @@ def test_it_says_where_there_is_no_python_with_ludus(look: Look) -> None:
     result = look(NO_PYTHON, python="/bin/false")
     assert result["place"].startswith("/bin/false has no Ludus; run `/bin/false -m pip install")
     assert result["is_off"] is True
+
+
+ENVIRONMENT = """\
+func look() -> void:
+	await open()
+	result["is_offered"] = dock.environment.visible
+	dock.environment.pressed.emit()
+	await wait(func() -> bool: return dock.environment.question.visible)
+	result["question"] = dock.environment.question.dialog_text
+	await wait(func() -> bool: return not dock.command.is_running())
+	dock.environment.question.confirmed.emit()
+	await wait(func() -> bool: return DirAccess.dir_exists_absolute(VENV))
+	result["is_begun"] = DirAccess.dir_exists_absolute(VENV)
+	await run("Stop")
+	result["is_left"] = DirAccess.dir_exists_absolute(VENV)
+	result["is_offered_again"] = dock.environment.visible
+"""
+
+
+def test_an_environment_is_offered_with_its_size_and_taken_back(
+    project: Path, look: Look, tmp_path: Path
+) -> None:
+    installer = tmp_path / "config" / "ludus" / "python"
+    installer.parent.mkdir(parents=True)
+    installer.write_text(f"{sys.executable}\n")
+    result = look(ENVIRONMENT.replace("VENV", f'"{project}/.venv"'))
+    assert result["is_offered"] is True
+    assert " takes about " in result["question"], result["question"]
+    assert result["is_begun"] is True
+    assert result["is_left"] is False
+    assert result["is_offered_again"] is True
