@@ -4,9 +4,9 @@ extends Node2D
 ## The five methods of an agent in 2D, to be overridden: what it does, sees and gets.
 ##
 ## Put the node below the body that it steers, a [LudusAgent] below it, and choose [b]Extend
-## Script[/b] in its menu. The editor completes the methods after [code]func[/code]. A method that is
-## not overridden counts as missing, as it does in any other script: the first five are needed, but
-## [method get_observation] not where [LudusRays2D] or other sensors lie below the node.
+## Script[/b] in its menu. The editor completes the methods after [code]func[/code]. A method that
+## is not overridden counts as missing, as it does in any other script: the first five are needed,
+## but [method get_observation] not where [LudusRays2D] or other sensors lie below the node.
 ## [codeblock]
 ## extends LudusController2D
 ##
