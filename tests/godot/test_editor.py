@@ -204,6 +204,8 @@ PLACED = {
     "LudusAgent",
     "LudusCamera2D",
     "LudusCamera3D",
+    "LudusController2D",
+    "LudusController3D",
     "LudusDebugView",
     "LudusPolicyPlayer",
     "LudusSimulationHost",

@@ -30,7 +30,8 @@ ROOT = Path(__file__).parents[2]
 SAC_METRICS = {
     "q_loss", "mean_q", "temperature", "temperature_loss", "gradient_steps", "replay_size",
 }  # fmt: skip
-ELSEWHERE = {"elo"} | SAC_METRICS  # metrics that a run of PPO without self-play does not have
+# Metrics that a run of PPO without self-play and demonstrations does not have.
+ELSEWHERE = {"elo", "imitation_weight", "imitation_loss"} | SAC_METRICS
 
 
 def newest(run: Path) -> Checkpoint:
