@@ -107,7 +107,7 @@ def _navigation(front_page: str) -> str:
     """
     toctrees = ""
     for heading, section in re.findall(r"^## (.+)\n((?:(?!## ).*\n)*)", front_page, re.MULTILINE):
-        links: list[tuple[str, str]] = re.findall(r"\[([^\]]+)\]\(([\w/]+)\.md\)", section)
+        links: list[tuple[str, str]] = re.findall(r"\[([^\]]+)\]\(([\w/-]+)\.md\)", section)
         pages = "\n".join(f"{text} <{page}>" for text, page in links)
         toctrees += (
             f'\n```{{toctree}}\n:caption: "{heading}"\n:hidden:\n:maxdepth: 1\n\n{pages}\n```\n'
