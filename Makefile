@@ -160,7 +160,7 @@ test-cluster: renderers $(LIBRARIES)/.ready
 
 # One editor at a time: each draws itself on the processor.
 test-editor: renderers
-	$(BIN)/pytest -m editor
+	$(BIN)/pytest -m editor tests/editor
 
 # What its last line counts is what docs/reliability.md sums up.
 MINUTES ?= 1
