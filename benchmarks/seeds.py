@@ -187,7 +187,7 @@ def interquartile_mean(scores: NDArray[np.float64]) -> NDArray[np.float64]:
 def interval(scores: NDArray[np.float64]) -> tuple[float, float]:
     """Return the 95 % bootstrap interval of the interquartile mean.
 
-    rliable draws runs of each task anew, as strata; a row is one task, and so one stratum.
+    As rliable does within one task: runs are drawn anew, with replacement.
     """
     drawn = np.random.default_rng(0).choice(scores, (NUM_RESAMPLES, len(scores)))
     low, high = np.percentile(interquartile_mean(drawn), (2.5, 97.5))
@@ -195,7 +195,7 @@ def interval(scores: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def row(game: Game, seeds: tuple[int, ...], results: Path) -> str | None:
-    """Return a row of the table in Markdown, None if there are no results."""
+    """Return a row of the table in Markdown, or None without results."""
     kept = [kept_result(game, seed, results) for seed in seeds]
     found = [result for result in kept if result is not None]
     if not found:

@@ -112,7 +112,7 @@ def build_package(folder: Path) -> Path:
         folder: That of its ``Cargo.toml``.
 
     Raises:
-        SetupError: There is no Cargo, or the package cannot be built.
+        SetupError: Cargo is missing, or cannot build the package.
         TargetError: It has no program, or several.
     """
     built = _build(["--bins"], folder, str(folder))

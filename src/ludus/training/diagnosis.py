@@ -61,7 +61,7 @@ TROUBLES = {
 
 @dataclass
 class _History:
-    """What one policy has gone through.
+    """What has been seen of one policy so far.
 
     Attributes:
         has_reward: Whether it ever got a reward other than 0.
