@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 import ludus
-from tests.godot_project import AGENT_SCENE, write_project
+from tests.godot_project import write_project
 
 pytestmark = pytest.mark.engine
-README = (Path(__file__).parents[2] / "README.md").read_text()
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text()
 
 
 def block(language: str) -> str:
@@ -23,7 +24,8 @@ def block(language: str) -> str:
 
 
 def test_a_game_made_as_told_is_an_environment(tmp_path: Path) -> None:
-    scene = AGENT_SCENE["godot4"].format(script="player", root="CharacterBody2D")
+    page = (ROOT / "docs/godot.md").read_text()
+    (scene,) = re.findall(r"```\n(\[gd_scene.*?)```", page, re.DOTALL)
     files = {"player.tscn": scene, "player.gd": block("gdscript")}
     write_project(tmp_path, files, main="player")
     env = ludus.make(tmp_path)
