@@ -77,6 +77,7 @@ GAMES = [
         policy="chaser",
     ),
     Game("find_coin", "find_coin --total-steps 6000000", 0.85, policy="hero", above=-60),
+    Game("apple_seeker", "apple_seeker --total-steps 1000000", 1.0, above=0),
     Game("godot3:apple_seeker", "godot3:apple_seeker --total-steps 1000000", 1.0, above=0),
     Game("bevy:shooter", "bevy:shooter --num-engines 1 --total-steps 3000000", 3.6),
 ]

@@ -12,7 +12,7 @@ pytestmark = pytest.mark.engine
 # Scenes with known answers, which are no games: what they observe may well be constant.
 NO_GAMES = {"identity"}
 # By chance, agents meet only now and then, and an apple is seen from few sides.
-NUM_WORLDS = {"find_coin": 16, "godot3:apple_seeker": 16, "zombies": 16}
+NUM_WORLDS = {"apple_seeker": 16, "find_coin": 16, "godot3:apple_seeker": 16, "zombies": 16}
 GAMES = sorted(set(example_names()) - NO_GAMES)
 WITHOUT_PHYSICS = {"find_coin", "key_door", "tag", "zombies"}
 
