@@ -1,4 +1,4 @@
-"""Environments of `benchmarks/cluster.py`, for processes that import this module by name.
+"""Games of `benchmarks/cluster.py`, for processes that import this module by name.
 
 `Sleeping-v0` spends its time waiting, as a game does that plays elsewhere; `Wide-<n>-v0` observes n
 floats and `Pixels-v0` a picture of 84 × 84, both at no cost.
