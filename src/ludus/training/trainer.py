@@ -39,7 +39,8 @@ from ludus.training.modes import ModeSchedule
 from ludus.training.progress import Progress, Reporter
 from ludus.workers.collect import Collector, CollectTimes, OnEpisodes
 from ludus.workers.interface import Workers
-from ludus.workers.remote import RemotePool, RemoteWorkers
+from ludus.workers.remote_pool import RemotePool
+from ludus.workers.remote_workers import RemoteWorkers
 
 __all__ = ["Trainer", "TrainerCallback"]
 

@@ -15,7 +15,7 @@ from ludus.settings.train_config import LOCAL, TrainConfig
 from ludus.target import Play, parse_target, split_addresses
 from ludus.workers.interface import Machine
 from ludus.workers.process import ProcessMachine
-from ludus.workers.remote import RemotePool
+from ludus.workers.remote_pool import RemotePool
 
 __all__ = ["open_machines"]
 
