@@ -41,7 +41,7 @@ class ClusterCommand(GameConfig):
     target: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="TARGET")]
     num_worlds: int = setting(16, AT_LEAST_1)
     cluster: str = "auto"
-    seconds: float = setting(3.0, ABOVE_0)
+    seconds: float = setting(5.0, ABOVE_0)
     json: bool = False
 
 

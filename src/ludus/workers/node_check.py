@@ -39,7 +39,7 @@ class NodeCheckConfig(GameConfig):
 
     target: str
     cluster: str = "auto"
-    seconds: float = setting(3.0, ABOVE_0)
+    seconds: float = setting(5.0, ABOVE_0)
 
 
 @dataclass(frozen=True)
