@@ -73,10 +73,38 @@ NETWORKS: dict[str, dict[str, Any]] = {
 }
 
 
+@dataclass(frozen=True)
+class Game:
+    """A game to reckon with.
+
+    Attributes:
+        name: For people.
+        core_per_s: Agent-steps/s that one core plays.
+        observation: Which of the measured observations is closest.
+        network: Which of the measured networks.
+    """
+
+    name: str
+    core_per_s: float
+    observation: str
+    network: str
+
+
+GAMES = (
+    # docs/benchmarks.md has both speeds that were measured; that of 100 agents is a definition.
+    Game("cartpole, 64 worlds", 134_204, "Wide-4", "64, 64"),
+    Game("100 agents that see 64 numbers, 5 ms a step", 20_000, "Wide-64", "256, 256"),
+    Game("84 × 84 pixels, 3D, drawn by software", 5_314, "Pixels", "64, 64"),
+)
+MANY_CORES = 8000
+"""Of 1,000 machines."""
+
+
 def measure_learner(options: Learner) -> None:
     """Print how many agent-steps/s one learner takes in, by observation and network."""
     opening.ProcessMachine = Replaying  # pyright: ignore[reportAttributeAccessIssue]
     rows: list[list[object]] = []
+    measured: dict[tuple[str, str], tuple[float, float]] = {}
     for game in (*(f"Wide-{width}" for width in WIDTHS), "Pixels"):
         for network, ppo in NETWORKS.items():
             # Pictures are large, and go through a convolution: fewer worlds, or no update ends.
@@ -90,6 +118,7 @@ def measure_learner(options: Learner) -> None:
             ]  # fmt: skip
             speed = statistics.median(speeds)
             step_bytes = Replaying.report_bytes / (worlds * 32)
+            measured[game, network] = speed, step_bytes
             rows.append([game, network, f"{speed:,.0f}", f"{step_bytes:,.0f}",
                          f"{speed * step_bytes / 1e6:,.1f}",
                          f"{min(speeds):,.0f} to {max(speeds):,.0f}"])  # fmt: skip
@@ -97,3 +126,21 @@ def measure_learner(options: Learner) -> None:
     print_table(
         ["observation", "units", "agent-steps/s", "bytes a step", "MB/s", "of rounds"], rows
     )
+    print_reckoning(measured)
+
+
+def print_reckoning(measured: dict[tuple[str, str], tuple[float, float]]) -> None:
+    """Print how far games scale with such a learner, from its speed and the bytes of a step."""
+    rows: list[list[object]] = []
+    for game in GAMES:
+        speed, step_bytes = measured[game.observation, game.network]
+        cores = speed / game.core_per_s
+        many_per_s = game.core_per_s * MANY_CORES
+        rows.append([game.name, f"{game.core_per_s:,.0f}", f"{speed:,.0f}", f"{cores:,.1f}",
+                     f"{speed * step_bytes / 1e6:,.1f}", f"{many_per_s / speed:,.0f}",
+                     f"{many_per_s * step_bytes / 1e9:,.1f}"])  # fmt: skip
+    print_table(
+        ["game", "a core plays, agent-steps/s", "a learner takes in", "cores that keep it busy",
+         "MB/s then", f"learners for {MANY_CORES:,} cores", "GB/s then"],
+        rows,
+    )  # fmt: skip
