@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 import re
+import resource
 import signal
+import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +16,14 @@ import psutil
 import pytest
 
 import ludus
-from ludus.errors import ConfigError, MachineLost, TargetError, UsageError
+from ludus.errors import (
+    ConfigError,
+    MachineLost,
+    MissingExtra,
+    RunError,
+    TargetError,
+    UsageError,
+)
 from ludus.settings.train_config import PPOConfig
 from ludus.training.hooks import Training
 from ludus.training.loop import train
@@ -91,12 +101,32 @@ def test_a_worker_that_may_not_be_started_again_ends_the_run_with_one_error(tmp_
     assert newest(tmp_path / "local:2").agent_steps >= 120
 
 
+def test_a_full_disk_ends_the_run_with_one_error(tmp_path: Path) -> None:
+    """The real thing needs a file system of its own, as the campaign has; this is the next best."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def fill(training: Training) -> None:
+        assert training.progress is not None
+        if training.progress.agent_steps == 3 * 96:  # there is a checkpoint of the second update
+            resource.setrlimit(resource.RLIMIT_FSIZE, (16 << 10, limits[1]))
+
+    ppo = replace(PPOConfig(**PPO), hidden_sizes=(64, 64))  # larger than all other files
+    try:
+        with pytest.raises(RunError, match=r"cannot write the checkpoint .*File too large"):
+            ludus.train(config("ppo", tmp_path, "local:2", ppo=ppo), on_update=fill, progress=False)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert newest(tmp_path / "local:2").agent_steps == 2 * 96
+
+
 def test_an_error_of_a_worker_is_told_as_without_a_cluster(tmp_path: Path) -> None:
     with pytest.raises(TargetError, match="Nothing-v0"):
         ludus.train("gym:Nothing-v0", cluster="local:2", runs=tmp_path, progress=False)
 
 
-def test_what_a_cluster_cannot_do_is_refused(tmp_path: Path) -> None:
+def test_what_a_cluster_cannot_do_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def make(*_: Any) -> Any:
         raise AssertionError
 
@@ -109,6 +139,10 @@ def test_what_a_cluster_cannot_do_is_refused(tmp_path: Path) -> None:
         ludus.train("play", cluster="local:2", runs=tmp_path)
     with pytest.raises(TargetError, match="several games, and each needs a worker of its own"):
         ludus.train("localhost:11008,localhost:11009", runs=tmp_path)
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(MissingExtra, match="ray is not installed") as caught:
+        ludus.train("cartpole", cluster="auto", runs=tmp_path)
+    assert "pip install" in caught.value.hint
     with pytest.raises(ConfigError, match=re.escape("cluster must be local:N")):
         ludus.train("cartpole", cluster="local:0", runs=tmp_path)
     assert list(tmp_path.iterdir()) == []
