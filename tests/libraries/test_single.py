@@ -16,7 +16,9 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import ludus
+from ludus.engine.bundled import example_names
 from ludus.errors import ActionError, SequenceError, SetupError, UsageError
+from ludus.libraries.registration import ENVIRONMENT_IDS
 
 pytestmark = pytest.mark.engine
 
@@ -126,9 +128,23 @@ def _choices(env: ludus.LudusEnv) -> tuple[list[str], list[int]]:
     return [part.name for part in parts], list(env.policy.nvec)
 
 
-def test_worlds_with_several_agents_are_refused() -> None:
-    with pytest.raises(UsageError, match=r"(?s)has 16 agents, not one.*make_vec.*pettingzoo"):
-        gymnasium.make("ludus/BallChase-v0")
+@pytest.mark.parametrize(
+    ("environment", "problem"),
+    [
+        ("ludus/BallChase-v0", "has 16 agents, not one"),
+        ("ludus:ludus/Tag-v0", r"has several policies \(chaser, runner\)"),
+    ],
+)
+def test_worlds_with_several_agents_are_refused(environment: str, problem: str) -> None:
+    with pytest.raises(UsageError, match=rf"(?s){problem}.*gymnasium\.make_vec.*pettingzoo"):
+        gymnasium.make(environment)
+
+
+def test_every_example_has_an_id() -> None:
+    of_tests = {"identity"}
+    of_godot4 = {name for name in example_names() if ":" not in name}
+    assert set(ENVIRONMENT_IDS.values()) == of_godot4 - of_tests
+    assert ENVIRONMENT_IDS.keys() <= gymnasium.registry.keys()
 
 
 @pytest.mark.parametrize("seed", [-1, 1.7, 2**63, True, "1", [1]])

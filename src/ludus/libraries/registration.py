@@ -24,8 +24,11 @@ ENVIRONMENT_IDS = {
     "ludus/Pendulum-v0": "pendulum",
     "ludus/BallChase-v0": "ball_chase",
     "ludus/KeyDoor-v0": "key_door",
+    "ludus/FindCoin-v0": "find_coin",
+    "ludus/Tag-v0": "tag",
+    "ludus/Zombies-v0": "zombies",
 }
-"""Gymnasium's id → bundled example. ``tag`` has two policies, which Gymnasium knows nothing of."""
+"""Gymnasium's id → bundled example. The last three have two policies: ``policy=…`` chooses one."""
 
 AGENTS_PER_WORLD = {"ball_chase": 16}
 """Of examples with several agents, so that these need not be started to be asked."""

@@ -219,9 +219,9 @@ def choose_policy(pool: EnginePool, name: str | None) -> PolicySpec:
     if name is None and len(pool.policies) > 1:
         raise UsageError(
             f"the game has several policies ({names}), and none was chosen",
-            hint=f"policy={next(iter(pool.policies))!r} acts for one, the others act at random or "
-            "as others={…} says; act for all of them with ludus.pettingzoo.parallel_env or "
-            "ludus.open_pool",
+            hint=f"policy={next(iter(pool.policies))!r} acts for one (in gymnasium.make_vec and "
+            "ludus.make_vec for each of its agents), the others act at random or as others={…} "
+            "says; act for all of them with ludus.pettingzoo.parallel_env or ludus.open_pool",
         )
     if name is not None and name not in pool.policies:
         raise UsageError(f"there is no policy {name!r}; the game has {names}")
