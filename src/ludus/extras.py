@@ -7,6 +7,7 @@ import importlib.metadata
 import json
 import re
 import shlex
+from urllib.parse import unquote
 
 from ludus.errors import MissingExtra
 
@@ -30,9 +31,14 @@ def install_hint(extra: str) -> str:
         distribution = importlib.metadata.distribution(DISTRIBUTION)
     except importlib.metadata.PackageNotFoundError:
         return f"install Ludus with its extra [{extra}]"
-    source = json.loads(distribution.read_text("direct_url.json") or "{}").get("url", "")
-    if source.startswith("file://"):
-        needed = [f"{source.removeprefix('file://')}[{extra}]"]
+    # https://packaging.python.org/en/latest/specifications/direct-url-data-structure/
+    origin = json.loads(distribution.read_text("direct_url.json") or "{}")
+    source = origin.get("url", "")
+    if commit := origin.get("vcs_info"):
+        url = f"{commit['vcs']}+{source}@{commit['commit_id']}"
+        needed = [f"{DISTRIBUTION}[{extra}] @ {url}"]
+    elif source.startswith("file://"):
+        needed = [f"{unquote(source.removeprefix('file://'))}[{extra}]"]
     elif source:
         needed = [f"{DISTRIBUTION}[{extra}] @ {source}"]
     else:
