@@ -98,6 +98,8 @@ def test_equal_seeds_give_equal_weights(small: Any) -> None:
 
 
 def test_resume_continues_the_run(small: Any) -> None:
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
     config = small()
     first = train(config)
     second = train(replace(config, total_steps=1280), resume=first.path)
@@ -105,6 +107,9 @@ def test_resume_continues_the_run(small: Any) -> None:
     steps = [line["agent_steps"] for line in read_metrics(first.path / "metrics.jsonl")]
     assert steps == list(range(64, 1281, 64))
     assert len(list(first.path.glob("events.out.tfevents*"))) == 2
+    events: Any = EventAccumulator(str(first.path))
+    events.Reload()
+    assert [event.step for event in events.Scalars("agent/entropy")] == steps
     assert newest(first.path).run["episodes"]["agent"]["num_episodes"] > 0
 
 
