@@ -147,6 +147,67 @@ def test_a_person_plays_by_the_keys_of_the_game(tmp_path: Path) -> None:
             assert actions["both"].continuous.tolist() == [[1.0, -0.5]]
 
 
+# A game in turns: a key is pressed in every fifth frame, and null means that none was.
+TURNS = """\
+extends LudusAgent
+var _frames := 0
+var _moves := 0
+var _pressed: Variant = null
+func _init() -> void:
+	ticks_per_step = 1
+	action = [LudusActionComponent.discrete("digit", 10)]
+	observation = [LudusObservationEntry.create("counts", [2])]
+func _process(_delta: float) -> void:
+	_frames += 1
+	if _frames % 5 == 0:
+		var key := InputEventKey.new()
+		key.keycode = (KEY_0 + _frames / 5) as Key
+		key.pressed = true
+		get_viewport().push_input(key)
+func _unhandled_key_input(event: InputEvent) -> void:
+	_pressed = (event as InputEventKey).keycode - KEY_0
+func get_manual_action() -> Variant:
+	var chosen: Variant = _pressed
+	_pressed = null
+	return chosen
+func apply_action(_digit: int) -> void:
+	_moves += 1
+func get_observation() -> Array:
+	return [_frames, _moves]
+func get_reward() -> float:
+	return 0.0
+func is_done() -> bool:
+	return false
+func reset() -> void:
+	pass
+"""
+TURNS_SCENE = """\
+[gd_scene load_steps=2 format=3]
+[ext_resource type="Script" path="res://turns.gd" id="1"]
+[node name="Game" type="Node"]
+[node name="Player" type="Node" parent="."]
+script = ExtResource("1")
+"""
+
+
+@pytest.mark.engine
+def test_no_step_passes_until_a_person_has_chosen(tmp_path: Path) -> None:
+    (tmp_path / "project.godot").write_text(PROJECT)
+    (tmp_path / "turns.gd").write_text(TURNS)
+    (tmp_path / "right.tscn").write_text(TURNS_SCENE)
+    install_addon(tmp_path)
+    with open_pool(tmp_path, PoolConfig()) as pool:
+        act = hand_player(pool)
+        batches = pool.reset(1)
+        for turn in (1, 2, 3):
+            actions = act(batches)
+            assert actions["agent"].discrete.tolist() == [[turn]]
+            batches = pool.step(actions)
+            ((frames, moves),) = batches["agent"].observation["counts"].tolist()
+            assert moves == turn
+            assert 5 * turn <= frames < 5 * (turn + 1)
+
+
 def test_a_game_without_keys_cannot_be_played_by_hand() -> None:
     with open_pool("gym:CartPole-v1", PoolConfig()) as pool:
         act = hand_player(pool)

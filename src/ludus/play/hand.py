@@ -16,6 +16,7 @@ from ludus.spec.batch import ActionBatch, Batches
 __all__ = ["hand_player"]
 
 METHOD = "get_manual_action"
+PASS_FRAME = "pass_frame"
 
 
 def hand_player(pool: EnginePool) -> Act:
@@ -25,34 +26,66 @@ def hand_player(pool: EnginePool) -> Act:
         pool: One engine with a window, at the speed of the game.
 
     Returns:
-        Asks the game for the action of every active agent; where it says null, nobody plays, and
-        the agent does what 0 means.
+        Asks the game for the action of every active agent. As long as all say null, nothing is
+        chosen yet: the game goes on for a frame without a step, and is asked again. Where only
+        some do, those agents do what 0 means.
     """
 
     def act(batches: Batches) -> Mapping[str, ActionBatch]:
-        return {name: _act(pool, spec, batches) for name, spec in pool.policies.items()}
+        policies = pool.policies
+        while True:
+            said = {name: _ask(pool, spec, batches) for name, spec in policies.items()}
+            if _is_decided(said):
+                return {name: _join(spec, pool, said[name]) for name, spec in policies.items()}
+            _pass_frame(pool)
 
     return act
 
 
-def _act(pool: EnginePool, spec: PolicySpec, batches: Batches) -> ActionBatch:
-    """Return the actions of all agents of a policy.
+def _ask(pool: EnginePool, spec: PolicySpec, batches: Batches) -> dict[int, Any]:
+    """Return what the game says of all active agents of a policy, by slot.
 
     Raises:
         TargetError: The game has no such method.
-        ActionError: It returns something else than an action.
     """
-    batch = ActionBatch.zeros(spec, pool.num_agents(spec.name))
+    said: dict[int, Any] = {}
     for slot in batches[spec.name].active.nonzero()[0].tolist():
         agent = spec.agents[slot]
         try:
             target = {"world": agent.world, "agent": agent.path}
-            (value,) = pool.call(target, METHOD)
+            (said[slot],) = pool.call(target, METHOD)
         except GameError as error:
             raise TargetError(
                 f"nobody can play policy {spec.name} by hand: {error.message}",
                 f"give the agent a method {METHOD}(), or use --policy or --random",
             ) from error
+    return said
+
+
+def _is_decided(said: Mapping[str, Mapping[int, Any]]) -> bool:
+    values = [value for by_slot in said.values() for value in by_slot.values()]
+    return not values or any(value is not None for value in values)
+
+
+def _pass_frame(pool: EnginePool) -> None:
+    try:
+        pool.call({"bridge": True}, PASS_FRAME)
+    except GameError as error:
+        raise TargetError(
+            f"{METHOD}() of every agent returned null, and the game's add-on cannot wait for an "
+            f"action: {error.message}",
+            "let it return an action; or, in Godot 4, run ludus addon install",
+        ) from error
+
+
+def _join(spec: PolicySpec, pool: EnginePool, said: Mapping[int, Any]) -> ActionBatch:
+    """Return the actions of all agents of a policy.
+
+    Raises:
+        ActionError: The game said something else than an action.
+    """
+    batch = ActionBatch.zeros(spec, pool.num_agents(spec.name))
+    for slot, value in said.items():
         if value is not None:
             _write_action(spec, value, batch, slot)
     return batch

@@ -13,7 +13,7 @@ enum Action { LEFT, RIGHT, UP, DOWN, OPEN }
 const InWindow := preload("res://examples/shared/in_window.gd")
 const Plan := preload("res://examples/key_door/plan.gd")
 
-## What a person does while no key is pressed: time stands still.
+## No key was pressed since the last step.
 const NOTHING := -1
 ## What the keyboard does by hand.
 const KEYBOARD: Dictionary[Key, Action] = {
@@ -47,8 +47,6 @@ var _reward: float = 0.0
 var _is_over: bool = false
 var _pressed: int = NOTHING
 
-@onready var _agent: LudusAgent = $LudusAgent
-
 
 func _ready() -> void:
 	_world = LudusWorld.of(self)
@@ -64,8 +62,6 @@ func _unhandled_key_input(event: InputEvent) -> void:
 ## Moves, or opens the door. What the mask forbids does nothing, but counts as a move.
 func apply_action(action: int) -> void:
 	_reward = 0.0
-	if action == NOTHING:
-		return
 	num_moves += 1
 	if action == Action.OPEN:
 		_open(Plan.door_at(hero))
@@ -124,13 +120,14 @@ func reset() -> void:
 	_is_over = false
 
 
-## Lets a person play with the arrow keys or W, A, S and D, and Space for the door.
-func get_manual_action() -> int:
+## Lets a person play with the arrow keys or W, A, S and D, and Space for the door. Time stands
+## still (null) until a key is pressed that does something.
+func get_manual_action() -> Variant:
 	var action := _pressed
 	_pressed = NOTHING
 	if action == NOTHING or get_action_mask()[action] == 0:
-		_agent.episode_steps -= 1
-		return NOTHING
+		_reward = 0.0
+		return null
 	return action
 
 

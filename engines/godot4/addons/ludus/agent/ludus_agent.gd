@@ -10,7 +10,7 @@ extends Node
 ## [LudusController3D] has stubs for them. Optional methods, used where they are:
 ## [code]get_action_mask() -> PackedByteArray[/code], one byte per alternative, 1 = allowed;
 ## [code]is_truncated() -> bool[/code]; and [code]get_manual_action()[/code], which lets a person
-## play while no trainer is there.[br][br]
+## play while no trainer is there, and returns null until something is chosen.[br][br]
 ## Sensors below the node, such as [LudusRays2D], are entries of the observation, beside those of
 ## [code]get_observation()[/code], which may then be left out.[br][br]
 ## An action arrives as an [int] (one choice), a [PackedInt64Array] (several choices), a

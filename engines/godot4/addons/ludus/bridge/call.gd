@@ -14,6 +14,7 @@ const TAKE_REQUESTS_METHOD := "take_requests"
 const SHOW_STATUS_METHOD := "show_status"
 const SHOW_DECISION_METHOD := "show_decision"
 const STAND_BY_METHOD := "stand_by"
+const PASS_FRAME_METHOD := "pass_frame"
 const PICTURE_METHOD := "picture"
 ## Methods of an agent that Ludus itself calls.
 const AGENT_METHODS: PackedStringArray = ["get_manual_action"]
@@ -37,6 +38,11 @@ func is_ceiling() -> bool:
 ## Whether the game is told to go on by itself.
 func is_stand_by() -> bool:
 	return is_for_bridge() and _method() == STAND_BY_METHOD
+
+
+## Whether a person is to have a frame in which to choose.
+func is_frame_passed() -> bool:
+	return is_for_bridge() and _method() == PASS_FRAME_METHOD
 
 
 ## The answer to a call that has nothing to return.

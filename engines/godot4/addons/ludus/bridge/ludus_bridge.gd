@@ -27,6 +27,7 @@ enum Phase {
 	CEILING,  ## Random play inside the engine.
 	WAITING,  ## The trainer is silent: frames pass, worlds stand still. Only in a guiding game.
 	STANDING_BY,  ## The game goes on by itself until the trainer wants something.
+	PASSING,  ## One frame passes without a step, as the person who plays has not chosen yet.
 	ENDED,  ## The game quits.
 }
 
@@ -161,6 +162,8 @@ func _physics_process(_delta: float) -> void:
 		Phase.STANDING_BY:
 			player.advance()
 			_manual.advance()
+			_serve()
+		Phase.PASSING:
 			_serve()
 		Phase.START:
 			_start()
@@ -358,6 +361,10 @@ func _handle_call() -> bool:
 		_ceiling = call.make_ceiling(_game)
 		_phase = Phase.CEILING
 		_has_reset = false
+		return true
+	if call.is_frame_passed():
+		_phase = Phase.PASSING
+		_send(call.answer_nothing())
 		return true
 	if call.is_stand_by():
 		guided.is_standing_by = _requests.is_guided

@@ -1,6 +1,7 @@
 extends RefCounted
 ## Lets a person play while no trainer is there: agents whose target has
-## [code]get_manual_action()[/code] act on it, and begin anew when they are done. Agents with a
+## [code]get_manual_action()[/code] act on it, and begin anew when they are done. Where it returns
+## null, nothing was chosen yet, and the agent's step does not begin. Agents with a
 ## policy are left to [LudusPolicyPlayer]. Of many worlds the first one is played.
 
 const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
@@ -48,9 +49,9 @@ func _begin(agent: LudusAgent) -> void:
 
 func _play(agent: LudusAgent) -> void:
 	if _tick % agent.ticks_per_step == 0:
-		agent.episode_steps += 1
 		var reward: Variant = agent.target.get_reward()
 		_actions[agent] = agent.target.get_manual_action()
+		agent.episode_steps += int(_actions[agent] != null)
 		var view := LudusRegistry.shown_debug_view()
 		if view != null:
 			view.take_person(agent, _actions[agent], reward)
