@@ -63,7 +63,7 @@ def answering(pool: Pool) -> Act:
 
 @pytest.mark.libraries
 def test_a_run_begins_as_the_clone_and_resumes(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(dataset_module, "make_player", script(answering))
     record(IDENTITY, "identity/best-v0", num_episodes=10)
@@ -73,7 +73,10 @@ def test_a_run_begins_as_the_clone_and_resumes(
         "imitate": "identity/best-v0",
         "imitation": imitation,
     }
-    ludus.train(**settings, **COMMON, runs=tmp_path, total_steps=96)
+    ludus.train(**settings, **COMMON, runs=tmp_path, total_steps=96, progress=True)
+    shown = capsys.readouterr().err
+    assert shown.startswith("cloning identity/best-v0: pass 1 of 100  ")
+    assert "\ncloned 10 episodes, 80 steps, of identity/best-v0  " in shown
     folder = tmp_path / "run"
     first = lines(folder)[0]["policies"]["agent"]
     assert first["mean_return"] > 7.0  # of 8; the untrained network has 2

@@ -7,10 +7,9 @@ with each update, so that what the rewards say decides in the end.
 
 from __future__ import annotations
 
-import logging
 import time
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import torch
@@ -23,7 +22,7 @@ from ludus.networks.policy import Policy
 from ludus.networks.tensors import as_tensor, as_tensors
 from ludus.settings.train_config import ImitationConfig
 
-__all__ = ["Imitation"]
+__all__ = ["Cloning", "Imitation", "OnCloning"]
 
 BATCH_SIZE = 256
 """Steps of demonstrations in one gradient step."""
@@ -32,7 +31,30 @@ NEGLIGIBLE = 1e-3
 ADAM_EPSILON = 1e-5
 MAX_GRAD_NORM = 1.0
 
-log = logging.getLogger(__name__)
+
+@dataclass(frozen=True)
+class Cloning:
+    """How far the cloning of demonstrations is.
+
+    Attributes:
+        policy: Which one learns.
+        demonstrations: What it is shown.
+        epoch: Passes over all steps so far.
+        epochs: Passes in all.
+        wall_s: Seconds so far.
+        loss: Mean negative log-probability of the actions in the last gradient step, nats.
+    """
+
+    policy: str
+    demonstrations: Demonstrations
+    epoch: int
+    epochs: int
+    wall_s: float
+    loss: float
+
+
+OnCloning = Callable[[Cloning], None]
+"""Is told after every pass."""
 
 
 class Imitation:
@@ -75,7 +97,7 @@ class Imitation:
         share = self._config.decay**self.num_updates
         return self._config.weight * share if share > NEGLIGIBLE else 0.0
 
-    def clone(self, policy: Policy, seed: int) -> None:
+    def clone(self, policy: Policy, seed: int, on_cloning: OnCloning) -> None:
         """Make the demonstrated actions probable (behaviour cloning).
 
         Observation statistics become those of the demonstrations.
@@ -85,7 +107,8 @@ class Imitation:
             policy.encoder.normaliser.update(policy.encoder.join(self._observation))
         generator = torch.Generator(policy.device).manual_seed(seed)
         optimiser = Adam(policy.parameters(), ADAM_EPSILON)
-        for _ in range(self._config.epochs):
+        epochs = self._config.epochs
+        for epoch in range(1, epochs + 1):
             self._remember(policy)
             for rows in self._batches(generator):
                 loss = self._loss(policy, rows)
@@ -93,12 +116,9 @@ class Imitation:
                 cast(Any, loss).backward()
                 optimiser.clip_grad_norm(MAX_GRAD_NORM)
                 optimiser.step(self._config.learning_rate)
-        given = self._demonstrations
-        log.info(
-            "policy %s: cloned %d episodes, %d steps, of %s in %.1f s; loss %.3f",
-            policy.spec.name, len(given.lengths), given.num_steps, given.name,
-            time.perf_counter() - start, float(loss.detach()),
-        )  # fmt: skip
+            wall_s, last = time.perf_counter() - start, float(loss.detach())
+            shown = self._demonstrations
+            on_cloning(Cloning(policy.spec.name, shown, epoch, epochs, wall_s, last))
 
     def begin_update(self, policy: Policy) -> None:
         """Prepare for gradient steps on :meth:`penalty`."""

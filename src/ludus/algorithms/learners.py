@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 import torch
 
-from ludus.algorithms.imitation import Imitation
+from ludus.algorithms.imitation import Cloning, Imitation, OnCloning
 from ludus.algorithms.learner import Learner, LearnerSettings
 from ludus.algorithms.ppo import PPO
 from ludus.datasets import Demonstrations, read_demonstrations
@@ -41,8 +41,17 @@ class OwnParts:
     learners: Mapping[str, MakeLearner] = field(default_factory=dict[str, MakeLearner])
 
 
+def _tell_nobody(_: Cloning) -> None:
+    pass
+
+
 def make_learners(
-    config: TrainConfig, pool: Pool, own: OwnParts | None = None, *, is_new: bool = True
+    config: TrainConfig,
+    pool: Pool,
+    own: OwnParts | None = None,
+    *,
+    is_new: bool = True,
+    on_cloning: OnCloning = _tell_nobody,
 ) -> dict[str, Learner]:
     """Return a learner for each policy of ``pool``, by name.
 
@@ -52,6 +61,7 @@ def make_learners(
         own: What takes the place of Ludus's networks and algorithms.
         is_new: Whether the policies begin by cloning the demonstrations that ``config.imitate``
             names; a run that is resumed has done so.
+        on_cloning: Is told how far that is.
 
     Raises:
         ConfigError: A setting of the scene is unknown or does not fit, or the demonstrations do
@@ -71,7 +81,9 @@ def make_learners(
     learners: dict[str, Learner] = {}
     for name in pool.policies:
         shown = demonstrations.get(name)
-        learners[name] = _make_learner(name, config, pool, own, shown, is_new=is_new)
+        learners[name] = _make_learner(
+            name, config, pool, own, shown, on_cloning=on_cloning if is_new else None
+        )
     return learners
 
 
@@ -102,7 +114,7 @@ def _make_learner(
     own: OwnParts,
     demonstrations: Demonstrations | None,
     *,
-    is_new: bool,
+    on_cloning: OnCloning | None,
 ) -> Learner:
     spec = pool.policies[name]
     settings = config.policies[name]
@@ -119,8 +131,8 @@ def _make_learner(
         if demonstrations is not None and isinstance(settings, PPOConfig):
             length = settings.sequence_length
             imitation = Imitation(policy, demonstrations, config.imitation, length)
-            if is_new:
-                imitation.clone(policy, about.seed)
+            if on_cloning is not None:
+                imitation.clone(policy, about.seed, on_cloning)
             about = replace(about, imitation=imitation)
         if name in own.learners:
             return _checked(own.learners[name](policy, settings, about), name)

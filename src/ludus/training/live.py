@@ -26,6 +26,7 @@ from ludus.training.figures import CURVE_WIDTH, clock, sparkline
 from ludus.training.progress import Progress, RunResult, SilentReporter
 
 if TYPE_CHECKING:
+    from ludus.algorithms.imitation import Cloning
     from ludus.workers.interface import MachineState
 
 __all__ = ["TerminalReporter", "evaluation_table", "reporter_for", "reporter_for_script"]
@@ -50,31 +51,34 @@ class TerminalReporter:
     def __init__(self, console: Console) -> None:
         self._console = console
         self._live: Live | None = None
+        self._every_s = REFRESH_S if console.is_terminal else LINE_EVERY_S
         self._shown_at_s = 0.0
         self._curves: dict[str, Curve] = {}
         self._max_time_s: float | None = None
+
+    def cloning(self, cloning: Cloning) -> None:
+        """Show how far it is, a few times per second at most, and what came of it."""
+        self._start_view()
+        line = Text(cloning_line(cloning))
+        is_over = cloning.epoch == cloning.epochs
+        if is_over:
+            self.stop()
+        if is_over or self._is_due():
+            self._show(line, line)
 
     def started(self, config: TrainConfig, run: Path) -> None:
         """Say what is trained, and where it goes."""
         self._max_time_s = config.max_time_s
         line = Text.assemble("training ", (config.target, "bold"), f" into {run}")
         self._console.print(line, highlight=False)
-        if self._console.is_terminal:
-            self._live = Live(console=self._console, auto_refresh=False, transient=True)
-            self._live.start()
+        self._start_view()
 
     def updated(self, progress: Progress) -> None:
         """Show progress, a few times per second at most."""
         self._note_returns(progress)
-        now = time.monotonic()
-        if now - self._shown_at_s < (REFRESH_S if self._live else LINE_EVERY_S):
-            return
-        self._shown_at_s = now
-        if self._live:
-            self._live.update(self._picture(progress), refresh=True)
-        else:
+        if self._is_due():
             line = progress_line(progress, self._share(progress))
-            self._console.print(Text(line), highlight=False, soft_wrap=True)
+            self._show(self._picture(progress), Text(line))
 
     def evaluating(self, episodes: int) -> None:
         """Say that the evaluation begins."""
@@ -93,6 +97,26 @@ class TerminalReporter:
         if self._live:
             self._live.stop()
             self._live = None
+
+    def _start_view(self) -> None:
+        if self._console.is_terminal and self._live is None:
+            self._live = Live(console=self._console, auto_refresh=False, transient=True)
+            self._live.start()
+
+    def _is_due(self) -> bool:
+        """Return whether to show something again, and note that."""
+        now = time.monotonic()
+        if now - self._shown_at_s < self._every_s:
+            return False
+        self._shown_at_s = now
+        return True
+
+    def _show(self, picture: RenderableType, line: Text) -> None:
+        """Show a picture in the live view, or write a line where there is none."""
+        if self._live:
+            self._live.update(picture, refresh=True)
+        else:
+            self._console.print(line, highlight=False, soft_wrap=True)
 
     def _note_returns(self, progress: Progress) -> None:
         for name, metrics in progress.policies.items():
@@ -126,25 +150,15 @@ class NotebookReporter(TerminalReporter):
         # In a notebook, Rich would add an empty output of its own to each print.
         console = Console(file=io.StringIO(), width=NOTEBOOK_WIDTH, force_jupyter=False)
         super().__init__(console)
+        self._every_s = REFRESH_S
         self._started = ""
         self._display: Any = None
 
     def started(self, config: TrainConfig, run: Path) -> None:
         """Say what is trained, and where it goes."""
-        import IPython.display
-
         self._max_time_s = config.max_time_s
         self._started = f"training {config.target} into {run}\n"
-        module: Any = IPython.display
-        self._display = module.display({"text/plain": self._started}, raw=True, display_id=True)
-
-    def updated(self, progress: Progress) -> None:
-        """Show progress, a few times per second at most."""
-        self._note_returns(progress)
-        now = time.monotonic()
-        if now - self._shown_at_s >= REFRESH_S:
-            self._shown_at_s = now
-            self._show(self._picture(progress))
+        self._show(Text(end=""))
 
     def evaluating(self, episodes: int) -> None:
         """Say that the evaluation begins."""
@@ -154,10 +168,17 @@ class NotebookReporter(TerminalReporter):
         """Show how the run ended."""
         self._show(summary_table(result))
 
-    def _show(self, content: RenderableType) -> None:
+    def _show(self, picture: RenderableType, line: Text | None = None) -> None:
         with self._console.capture() as text:
-            self._console.print(content)
-        self._display.update({"text/plain": self._started + text.get()}, raw=True)
+            self._console.print(picture)
+        shown = {"text/plain": self._started + text.get()}
+        if self._display is None:
+            import IPython.display
+
+            module: Any = IPython.display
+            self._display = module.display(shown, raw=True, display_id=True)
+        else:
+            self._display.update(shown, raw=True)
 
 
 class Curve:
@@ -179,6 +200,17 @@ class Curve:
             pairs = zip(self.points[::2], self.points[1::2], strict=True)
             self.points = [(first + second) / 2 for first, second in pairs]
             self._stride *= 2
+
+
+def cloning_line(cloning: Cloning) -> str:
+    """Return how far the cloning of demonstrations is, or what came of it."""
+    shown = cloning.demonstrations
+    if cloning.epoch < cloning.epochs:
+        text = f"cloning {shown.name}: pass {cloning.epoch} of {cloning.epochs}"
+    else:
+        num_episodes = len(shown.lengths)
+        text = f"cloned {num_episodes} episodes, {shown.num_steps:,} steps, of {shown.name}"
+    return f"{text}  {clock(cloning.wall_s)}  {cloning.policy}: loss {cloning.loss:.3f}"
 
 
 def progress_head(progress: Progress, share: float) -> str:

@@ -139,7 +139,9 @@ def _train_in(
     torch.set_num_threads(config.torch_threads)
 
     def make_trainer() -> tuple[Trainer, dict[str, Learner]]:
-        learners = make_learners(config, pool, parts.own, is_new=not is_resumed)
+        learners = make_learners(
+            config, pool, parts.own, is_new=not is_resumed, on_cloning=reporter.cloning
+        )
         return Trainer(config, pool, learners, folder), learners
 
     if is_resumed:

@@ -13,6 +13,7 @@ from ludus.settings.policy_config import Mode
 from ludus.settings.train_config import TrainConfig
 
 if TYPE_CHECKING:
+    from ludus.algorithms.imitation import Cloning
     from ludus.workers.interface import MachineState
 
 __all__ = ["Progress", "Reporter", "RunResult", "SilentReporter"]
@@ -73,6 +74,10 @@ class RunResult:
 class Reporter(Protocol):
     """Is told how a run goes."""
 
+    def cloning(self, cloning: Cloning) -> None:
+        """A pass over demonstrations was made, before training begins."""
+        ...
+
     def started(self, config: TrainConfig, run: Path) -> None:
         """Training begins, or goes on."""
         ...
@@ -92,6 +97,9 @@ class Reporter(Protocol):
 
 class SilentReporter:
     """Shows nothing."""
+
+    def cloning(self, cloning: Cloning) -> None:
+        """Show nothing."""
 
     def started(self, config: TrainConfig, run: Path) -> None:
         """Show nothing."""
