@@ -50,7 +50,7 @@ class Environment:
 
     Attributes:
         project: Folder of the project.
-        size: Only say how large it becomes.
+        size: Print only how large it will be.
     """
 
     project: tyro.conf.Positional[Path]

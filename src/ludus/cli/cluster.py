@@ -25,9 +25,9 @@ __all__ = ["COMMAND", "ClusterCommand", "run"]
 class ClusterCommand(GameConfig):
     """Check that a game plays on every machine of a Ray cluster, and how fast.
 
-    Looks at versions of Ludus, Python and engines, measures the line to this machine, and lets all
-    machines play a few seconds with random actions. Exits with 1 if a run could not play on one of
-    them. It needs the extra cluster.
+    Compares versions of Ludus, Python and engines, measures the network to this machine, and lets
+    all machines play a few seconds with random actions. Exits with 1 if a run could not play on one
+    of them. It needs the extra cluster.
 
     Attributes:
         action: What to do.

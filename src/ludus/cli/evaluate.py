@@ -27,7 +27,7 @@ class EvaluateCommand(ActionFlags, GameFlags):
         run: Run folder, whose newest checkpoint is used, or one of its checkpoints; with --policy
             or --random, a game works as well.
         policy: Run folder or checkpoint of trained agents; or policy files (.ludus.json), each with
-            its own --policy. Without it: those of the run.
+            its own --policy; if not given, the agents of the run.
         episodes: Episodes of each policy.
         random: Take random actions.
         stochastic: Sample actions as in training; with names, only these policies do.

@@ -14,10 +14,10 @@ __all__ = ["COMMAND", "NewCommand", "run"]
 
 @dataclass(frozen=True)
 class NewCommand:
-    """Make a project with a small game and an agent, ready to be trained: for Godot 4, or Bevy.
+    """Make a project with a small game and an agent, ready to train, for Godot 4 or Bevy.
 
     Attributes:
-        folder: Where; its name is the project's.
+        folder: Folder to create; the project gets its name.
         is_2d: A game in 2D: a player collects coins. The default.
         is_3d: The same in 3D.
         simulation: A game in one script, without nodes, for many worlds.

@@ -27,7 +27,7 @@ HEADLESS_EPISODES = 10
 class PlayCommand(BridgeFlags, ActionFlags, PlayConfig):
     """Play a game in a window: with trained agents, at random, or by hand.
 
-    With a run folder, the agents trained there play; with a game, you do, or chance with --random.
+    With a run folder, the agents trained there play; with a game, you play, or --random does.
     Close the window or press Ctrl-C to stop. In the window of a Godot 4 game F1 pauses, F2 takes
     one step, F3 slows down to a half, a quarter, an eighth, and back, and F4 shows what an agent
     sees and decides.

@@ -22,14 +22,14 @@ class RecordCommand(BridgeFlags, ActionFlags, RecordConfig):
     """Play a game in its own window and write a film of it, or a Minari dataset of its steps.
 
     Every frame of the game is filmed once, however slowly it is drawn. On a machine without a
-    screen, Xvfb is started meanwhile. With a run folder, the agents trained there play.
+    screen, Ludus uses Xvfb. With a run folder, the agents trained there play.
 
     A game of a legacy bridge takes the settings of the bridge as flags, too, such as
     --action-space "Discrete(2)"; docs/targets.md lists them.
 
     Attributes:
         policy: Run folder or checkpoint of trained agents; or policy files (.ludus.json), each with
-            its own --policy. Without it the game is filmed as it is.
+            its own --policy; if not given, the game plays as it does for a player.
     """
 
     target: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="TARGET")]

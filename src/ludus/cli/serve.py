@@ -27,7 +27,7 @@ class ServeCommand:
     for godot-ai works unchanged with --bridge godot-ai.
 
     Attributes:
-        bridge: What the games speak: ludus (the Ludus add-on), or godot-ai (a legacy bridge).
+        bridge: Protocol of the games: ludus (the Ludus add-on), or godot-ai (a legacy bridge).
         port: TCP port, open to this machine only; if not given, 11011, or 9999 for godot-ai.
         runs: Folder of the runs; each game names its own run. ./runs if not given.
         policies: Folder for the policies that games ask for; if not given, the folder policies of
@@ -35,12 +35,12 @@ class ServeCommand:
         once: End when the first game has disconnected, or if none connects within a minute.
         project: For godot-ai: folder of the game, the current one if not given. Files that the game
             names are read from there only; checkpoints are in its AIServerCommFiles/ludus.
-        seed: Seed of new runs whose game names none; random if not given. For godot-ai: seed of
-            networks and sampling, 0 if not given.
+        seed: Seed of new runs for which the game gives none; random if not given. For godot-ai:
+            seed of networks and sampling, 0 if not given.
         device: PyTorch device, such as cpu or cuda; auto is cuda if it is available.
         torch_threads: Threads that PyTorch may use.
-        message_timeout_s: Seconds to wait for a game's greeting; with godot-ai, for the rest of any
-            message.
+        message_timeout_s: Seconds that a game may take to introduce itself; with godot-ai, to
+            complete a message.
         log: File for log messages, in addition to the terminal.
     """
 

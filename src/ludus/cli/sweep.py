@@ -25,22 +25,22 @@ PROGRAM = "ludus sweep"
 
 @dataclass(frozen=True)
 class SweepCommand(TrainCommand):
-    """Train many times, with settings that Optuna proposes, and show which are best.
+    """Train many times with settings proposed by Optuna, and show which are best.
 
-    All flags of ludus train hold for every trial. The first trial has the settings as they are.
-    A trial that is worse than the others were at the same share of its steps ends early. A sweep
-    that was stopped or killed goes on with --resume; it leaves best.toml for ludus train --config,
-    and a picture.
+    All flags of ludus train hold for every trial. The first trial uses the settings as they are.
+    A trial ends early if it is worse than half of the others at the same share of its steps. A
+    sweep writes best.toml for ludus train --config, and a picture; --resume continues one that was
+    stopped or killed.
 
     Attributes:
         set: A setting to vary: --set ppo.learning_rate=log:1e-5:1e-2, --set ppo.epochs=1:8 or
             --set ppo.activation=tanh,relu; may be given several times.
-        trials: Trials in all.
-        seeds: Runs of each trial, with another seed each; their median counts. One lucky run is
-            easily the best of many that are no better.
+        trials: Total number of trials.
+        seeds: Runs of each trial, with different seeds; their median is its score. With one run per
+            trial, the best is often only lucky.
         objective: "return" looks for the highest mean return at the end, "steps" for the fewest
-            agent steps until target_return; none is steps where there is a target_return.
-        resume: Folder of a sweep to go on with.
+            agent steps until target_return; if not given, steps with a target_return, else return.
+        resume: Folder of a sweep to continue.
         json: Print the sweep as one JSON object on stdout.
     """
 

@@ -44,7 +44,7 @@ class _SACFlags(_Unchecked, SACConfig):
 
 @dataclass(frozen=True)
 class TrainCommand(_Unchecked, BridgeFlags, TrainConfig):
-    """Train agents in a game, and leave a run folder with checkpoints, metrics and a curve.
+    """Train agents in a game, and write a run folder with checkpoints, metrics and a curve.
 
     Settings come from the scene, then from --config, then from the command line; later ones win.
     --ppo.* and --sac.* set all policies of that algorithm, --policies.NAME.* one policy.
@@ -57,7 +57,7 @@ class TrainCommand(_Unchecked, BridgeFlags, TrainConfig):
         target: What to train in: an example, a project folder, a scene, an exported game, an
             address, or gym:ENV_ID for any Gymnasium environment.
         config: TOML file with settings, or the config.json of a run.
-        resume: Folder of a run to go on with; its settings hold unless given anew.
+        resume: Folder of a run to continue, with its settings unless others are given.
         explain: Print every setting, its value and where it comes from, and train nothing.
         json: Print the result as one JSON object on stdout.
         layers: What file, resumed run and command line say, earlier ones first.

@@ -45,22 +45,21 @@ class RecordConfig(GameConfig):
             agents then play.
         out: File to write: .mp4, .webm or .gif.
         dataset: Instead of a film, write a Minari dataset of this name, such as
-            cartpole/expert-v0: complete episodes, 10 unless told otherwise. Without policy and
-            random actions, a person plays.
+            cartpole/expert-v0: complete episodes, 10 by default. Without a policy or random
+            actions, a person plays.
         policy: Run folder or checkpoint of trained agents; or policy files (.ludus.json), one for
-            each policy of the game. Without it the game is filmed as it is.
+            each policy of the game; if not given, the game plays as it does for a player.
         is_random: Take random actions.
         is_stochastic: Sample actions as in training, instead of taking the most probable ones.
-        num_episodes: End after this many episodes of each policy; if not given, only seconds
-            counts.
+        num_episodes: End after this many episodes of each policy; if not given, after seconds.
         seconds: Longest film; if not given, 10, or 600 with a number of episodes.
         start: Seconds to skip at the beginning.
-        frames_per_second: Frames per second of the film; if not given, half of the game's 60, for a
-            .gif a third.
-        width: Width of the film in pixels; that of the window if not given.
-        window: Width and height of the game's window; what the project says if not given.
-        has_overlay: Put over a Godot 4 game what an agent sees, what it decides and how probable
-            that was, and its reward and return as moving lines.
+        frames_per_second: Frames per second of the film; if not given, half of the game's 60, or a
+            third for a .gif.
+        width: Width of the film in pixels; if not given, that of the window.
+        window: Width and height of the game's window; if not given, those of the project.
+        has_overlay: Draw over a Godot 4 game what an agent sees, what it decides and how probable
+            that was, and curves of its reward and return.
         scene: Scene of the project; if not given, the one that was trained, or the main scene.
         seed: Seed of worlds and samples.
     """

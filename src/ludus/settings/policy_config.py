@@ -135,8 +135,8 @@ class SACConfig(Settings):
         updates_per_step: Gradient steps for each step of all agents; below 1 learns every few
             steps.
         report_steps: Steps of every agent between two lines of metrics.
-        sync_steps: Steps of every agent between two looks at the newest network. More are one call
-            of each machine of a cluster instead of many, with actions of a network that much older.
+        sync_steps: Steps of every agent for which one version of the network acts. On a cluster, a
+            higher number saves messages, but actions come from an older network.
         discount: Gamma: how much a reward is worth one step earlier.
         target_rate: Tau: share of the critics that their targets take over in each gradient step.
         temperature: Weight of the entropy; learned if not given.

@@ -27,10 +27,10 @@ class GameConfig(Settings):
         num_engines: Game processes side by side.
         layout: "scene" uses the layout that the scene asks for, "isolated" gives each world its own
             physics space, "grid" puts all worlds into one.
-        ticks_per_step: Physics ticks per decision; what the agents say if not given.
-        max_episode_steps: Steps after which episodes are truncated; what the agents say if not
-            given.
-        godot: Engine to use; if not given, ludus looks for one.
+        ticks_per_step: Physics ticks per decision; if not given, the agents' own setting.
+        max_episode_steps: Steps after which episodes are truncated; if not given, the agents' own
+            setting.
+        godot: Godot executable to use; if not given, Ludus looks for one.
         is_pinned: Give each engine its own core, which no other pool of this user has, if enough
             are free and no quota (of a container) limits this process. Otherwise the system
             chooses.

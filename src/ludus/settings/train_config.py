@@ -72,8 +72,8 @@ class ImitationConfig(Settings):
 class LeagueConfig(Settings):
     """Self-play against past selves.
 
-    In a share of the worlds one side learns and every other side is played by a policy of the
-    past. A side is a policy; where there is only one policy, each agent of a world is a side.
+    In a share of the worlds one side learns, and past versions of the policies play all other
+    sides. A side is a policy; where there is only one policy, each agent of a world is a side.
 
     Attributes:
         share: Share of the worlds that are played like this; 0 turns self-play off.
@@ -81,7 +81,7 @@ class LeagueConfig(Settings):
         snapshot_every_updates: Updates between two past selves.
         sampling: "uniform" draws all past selves equally often, "recent" prefers newer ones,
             "rating" those whose rating is closest to that of the side that learns.
-        max_opponents: Past selves of each policy that play at a time.
+        max_opponents: Past selves of each policy that play at the same time.
         elo_factor: How far one game moves a rating (K).
     """
 
@@ -113,8 +113,8 @@ class TrainConfig(GameConfig):
     Attributes:
         target: What to train in: an example, a project folder, a scene, an exported game, an
             address, or gym:ENV_ID for any Gymnasium environment.
-        max_restarts: How often, in all, an engine that died or froze is started again; on a
-            cluster, in all of a machine.
+        max_restarts: How many times, in total, engines that died or froze are restarted; on a
+            cluster, in total per machine.
         cluster: Where the games are played: local:N for N worker processes of this machine, auto or
             HOST:PORT for the machines of a Ray cluster; if not given, this process plays itself.
         num_machines: Machines of the Ray cluster to play on, each with num_engines engines; all of
@@ -138,7 +138,7 @@ class TrainConfig(GameConfig):
         evaluation_episodes: Episodes of the evaluation at the end; 0 skips it.
         track: Also send metrics to Weights & Biases (wandb), MLflow (mlflow) or Trackio (trackio).
         runs: Folder in which run folders are made.
-        name: Name of the run folder; if empty, it is made from target, date and time.
+        name: Name of the run folder; if empty, it is the target with date and time.
         device: PyTorch device of networks and updates, such as cpu or cuda; auto is cuda if it is
             available.
         precision: "bfloat16" computes updates in mixed precision, "float32" does not; auto mixes
@@ -156,7 +156,7 @@ class TrainConfig(GameConfig):
         league: Self-play against past selves.
         imitate: Minari dataset of the game, as ludus record --dataset writes it, whose actions PPO
             policies learn before and while they train.
-        imitation: How they learn from it.
+        imitation: How policies learn from the demonstrations.
         randomise: Parameters of the worlds, by name: a value, or how it is drawn for each episode;
             a table of a settings file.
         curriculum: Lessons with parameters of their own, in order; tables of a settings file.
