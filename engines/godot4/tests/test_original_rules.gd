@@ -172,6 +172,29 @@ func test_a_shot_passes_whom_it_begins_in_and_may_hit_the_soldier_itself() -> vo
 	near(game.soldier.health, 0.65, "it shot itself")
 
 
+func test_a_shot_into_the_end_of_a_wall_hits_what_godot_finds_deepest() -> void:
+	var num_own_hits := 0
+	for slant: float in [0.0, 0.2, 2.0, 30.0]:
+		for aside: float in [-1.0, -0.2, 0.0, 0.5, 3.0]:
+			var game := _duel(Vector2(-100.0, 0.0), Vector2(200.0, 200.0))
+			var wall: Array[Vector2] = [Vector2(-73.0, aside), Vector2(0.0, aside + slant)]
+			game.map.add_wall(wall[0], wall[1])
+			_step_all(game, SHOOT)
+			var is_own_hit := game.soldier.health < 1.0
+			num_own_hits += int(is_own_hit)
+			var found := _is_body_deepest(Vector2(-100.0, 0.0), wall, game.soldier.shot_end)
+			equal(is_own_hit, found, "wall %s" % [wall])
+	check(num_own_hits > 0 and num_own_hits < 20, "%d of 20 hit the soldier" % num_own_hits)
+
+
+func test_a_body_that_overlaps_a_wall_goes_through() -> void:
+	var game := _duel(Vector2(-100.0, 0.0), Vector2(200.0, 200.0))
+	game.map.add_wall(Vector2(-80.0, -50.0), Vector2(-80.0, 50.0))
+	_step_all(game, [1.0, 0.0, 0.0, 0.0, 0.0])
+	near(game.soldier.place.x, -80.0, "20 pixels away, it does not stop at 25")
+	near(game.get_observation(0)[1], Original.cast(310.0 / 700.0), "nor does it see the wall")
+
+
 func test_zombies_bite_only_what_is_ahead() -> void:
 	var game := _duel(Vector2(-30.0, 0.0), Vector2(30.0, 0.0))
 	_step_all(game, STAND, [0.0, 0.0, 1.0])
@@ -203,6 +226,35 @@ func _duel(soldier_at: Vector2, zombie_at: Vector2) -> Zombies:
 	_put(game.zombies[0], zombie_at)
 	_put(game.zombies[1], Vector2(-200.0, 200.0))
 	return game
+
+
+## Asks the physics server what is deepest within 10 pixels of a point: a body, rather than a wall?
+func _is_body_deepest(at: Vector2, wall: Array[Vector2], point: Vector2) -> bool:
+	var space := PhysicsServer2D.space_create()
+	PhysicsServer2D.space_set_active(space, true)
+	var shapes: Array[RID] = [
+		PhysicsServer2D.segment_shape_create(), PhysicsServer2D.circle_shape_create()
+	]
+	PhysicsServer2D.shape_set_data(shapes[0], Rect2(wall[0], wall[1]))
+	PhysicsServer2D.shape_set_data(shapes[1], Fighter.RADIUS)
+	var bodies: Array[RID] = []
+	for shape: RID in shapes:
+		var body := PhysicsServer2D.body_create()
+		PhysicsServer2D.body_set_mode(body, PhysicsServer2D.BODY_MODE_STATIC)
+		PhysicsServer2D.body_add_shape(body, shape)
+		PhysicsServer2D.body_set_space(body, space)
+		bodies.append(body)
+	var place := Transform2D(0.0, at)
+	PhysicsServer2D.body_set_state(bodies[1], PhysicsServer2D.BODY_STATE_TRANSFORM, place)
+	var query := PhysicsShapeQueryParameters2D.new()
+	query.shape = CircleShape2D.new()
+	(query.shape as CircleShape2D).radius = OriginalRound.SHOT_REACH / 2.0
+	query.margin = OriginalRound.SHOT_REACH / 2.0
+	query.transform = Transform2D(0.0, point)
+	var found := PhysicsServer2D.space_get_direct_state(space).get_rest_info(query)
+	for rid: RID in bodies + shapes + [space]:
+		PhysicsServer2D.free_rid(rid)
+	return found["rid"] == bodies[1]
 
 
 func _put(walker: Walker, place: Vector2) -> void:

@@ -157,6 +157,7 @@ func _build_original_wall() -> void:
 	map.clear()
 	map.half_thickness = 0.0
 	map.gap = 0.0
+	map.stops_overlapping = false
 	while map.ends.is_empty():
 		var from := Original.draw_point(world.rng)
 		var to := Original.draw_point(world.rng)

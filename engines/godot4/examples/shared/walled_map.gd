@@ -21,6 +21,9 @@ const _MAX_TRIES := 40
 var ends := PackedVector2Array()
 ## Half the thickness of inner walls for bodies that move, pixels.
 var half_thickness: float = _HALF_THICKNESS
+## Whether a wall that a circle overlaps from the start stops it. Godot's [code]cast_motion()[/code]
+## lets it through.
+var stops_overlapping: bool = true
 ## What a moved circle keeps from walls, pixels; far above what 32-bit numbers lose.
 var gap: float = 0.01
 
@@ -118,7 +121,9 @@ func free_share(place: Vector2, motion: Vector2, radius: float) -> float:
 	for i: int in _half_lengths.size():
 		var near := _frames[i] * place
 		var way := _turns[i] * motion
-		share = minf(share, _entry(near, way, _half_lengths[i], radius + half_thickness + gap))
+		var entry := _entry(near, way, _half_lengths[i], radius + half_thickness + gap)
+		if entry > 0.0 or stops_overlapping:
+			share = minf(share, entry)
 	return maxf(share, 0.0)
 
 

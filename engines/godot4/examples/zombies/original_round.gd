@@ -27,6 +27,9 @@ const NUM_ACTION_NUMBERS := 20
 const START_DISTANCE := 4.0 * Fighter.RADIUS
 ## How far from its end a shot hits, pixels.
 const SHOT_REACH := 10.0
+## Above this product of a direction and a segment's normal, Godot takes a contact for one with the
+## whole segment.
+const EDGE_CONTACT := 0.99998
 const MAX_WALLS := 4
 const SHORTEST_WALL := 20.0
 ## How far a wall is from upright or level, pixels.
@@ -44,6 +47,7 @@ func _init(map: Map, soldier: Soldier, zombies: Array[Zombie]) -> void:
 	_zombies = zombies
 	map.half_thickness = 0.0
 	map.gap = 0.0
+	map.stops_overlapping = false
 
 
 ## Numbers in an observation.
@@ -142,7 +146,7 @@ func _shoot(enemies: Array[Fighter]) -> Fighter:
 	_soldier.shot_start = place
 	_soldier.shot_end = place + way * Original.cast(share) + ray * Soldier.SHOT_RADIUS
 	var hit: Fighter = null
-	var deepest := SHOT_REACH - _map.clearance(_soldier.shot_end)
+	var deepest := _wall_depth(_soldier.shot_end)
 	for fighter: Fighter in enemies + [_soldier]:
 		var distance := fighter.place.distance_to(_soldier.shot_end)
 		var depth := Fighter.RADIUS + SHOT_REACH - distance
@@ -150,6 +154,25 @@ func _shoot(enemies: Array[Fighter]) -> Fighter:
 			deepest = depth
 			hit = fighter
 	return hit
+
+
+## Returns how deep the nearest wall lies within [constant SHOT_REACH] of a point, negative if none
+## does. Beyond the end of a wall this is less than the distance says: Godot measures such contacts
+## from the line through the wall, as the normal of [code]GodotSegmentShape2D[/code] is as long as
+## the segment.
+func _wall_depth(point: Vector2) -> float:
+	var deepest := SHOT_REACH - Map.RADIUS + maxf(absf(point.x), absf(point.y))
+	for i: int in range(0, _map.ends.size(), 2):
+		var from := _map.ends[i]
+		var to := _map.ends[i + 1]
+		var way := Geometry2D.get_closest_point_to_segment(point, from, to) - point
+		var depth := SHOT_REACH - way.length()
+		var normal := (to - from).orthogonal()
+		var along_normal := absf(way.normalized().dot(normal))
+		if depth > 0.0 and along_normal > EDGE_CONTACT:
+			depth *= along_normal / normal.length()
+		deepest = maxf(deepest, depth)
+	return deepest
 
 
 ## Bites what it runs into straight ahead, then turns and walks. It remembers what it senses now:
