@@ -60,14 +60,15 @@ def play(link: Link, name: str, layout: str) -> None:
     link.send(frame("CLOSE", b""))
 
 
-def last_words(engine: InstalledEngine, folder: Path, name: str, layout: str) -> list[str]:
+def last_words(
+    engine: InstalledEngine, folder: Path, log: Path, name: str, layout: str
+) -> list[str]:
     """Return the alarming lines of a verbose engine that has played and ended by itself."""
     project = read_project(folder)
     ensure_imported(engine, project)
     listener = Listener()
     flags = GodotFlags(user_args=(f"--ludus-connect={','.join(listener.addresses)}",))
     program, *rest = godot_command(engine, project.root, RUN_SCENE, flags)
-    log = folder / f"{name}_{layout}.log"
     command = (program, "--verbose", *rest)
     with EngineProcess.start(LaunchConfig(command=command, env=TOKEN_ENV, log_path=log)) as process:
         link = listener.accept(20.0, lambda: None)
@@ -81,21 +82,23 @@ def last_words(engine: InstalledEngine, folder: Path, name: str, layout: str) ->
 @pytest.mark.parametrize("name", ["rounds", "fall", "clean"])
 @pytest.mark.parametrize("layout", ["isolated", "grid"])
 def test_nothing_is_left_behind(
-    godot4: InstalledEngine, project: Path, name: str, layout: str
+    godot4: InstalledEngine, project: Path, tmp_path: Path, name: str, layout: str
 ) -> None:
-    assert last_words(godot4, project, name, layout) == []
+    assert last_words(godot4, project, tmp_path / "log", name, layout) == []
 
 
-def test_a_beginning_that_never_ends_leaves_nothing(godot4: InstalledEngine, project: Path) -> None:
-    lines = last_words(godot4, project, "endless", "isolated")
+def test_a_beginning_that_never_ends_leaves_nothing(
+    godot4: InstalledEngine, project: Path, tmp_path: Path
+) -> None:
+    lines = last_words(godot4, project, tmp_path / "log", "endless", "isolated")
     assert [line for line in lines if not line.startswith("Orphan StringName: ticked")] == []
 
 
 @pytest.mark.parametrize("layout", ["isolated", "grid"])
 def test_what_is_left_behind_is_told_once(
-    godot4: InstalledEngine, project: Path, layout: str
+    godot4: InstalledEngine, project: Path, tmp_path: Path, layout: str
 ) -> None:
-    lines = last_words(godot4, project, "leaky", layout)
+    lines = last_words(godot4, project, tmp_path / "log", "leaky", layout)
     told = [line for line in lines if "ludus" in line and "behind" in line]
     assert len(told) == 1
     assert told[0].startswith(WARNING)
