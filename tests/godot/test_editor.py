@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from tests.godot_project import AGENT_SCENE, write_project
 pytestmark = pytest.mark.engine
 
 TIMEOUT_S = 120.0
+Seen = tuple[Path, dict[str, Any]]
 GAME = """\
 extends Node2D
 func apply_action(_action: int) -> void:
@@ -44,6 +46,14 @@ extends RefCounted
 var result := {}
 var plugin: EditorPlugin
 var tree: SceneTree = Engine.get_main_loop()
+"""
+LOOK_AT_ALL = """\
+func look() -> void:
+	for what: String in {names}:
+		var part: RefCounted = load("res://look at %s.gd" % what).new()
+		part.plugin = plugin
+		await part.look()
+		result[what] = part.result
 """
 PLUGINS = """\
 [editor_plugins]
@@ -67,14 +77,24 @@ def imported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture
-def project(imported: Path, tmp_path: Path) -> Path:
-    return shutil.copytree(imported, tmp_path / "game")
+@pytest.fixture(scope="module")
+def seen(imported: Path, tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    """A project as an editor left it, and by test what its script saw there; one editor for all."""
+    project = shutil.copytree(imported, tmp_path_factory.mktemp("seen") / "game")
+    (project / "former.tscn").write_text(FORMER_SCENE)
+    # The last one turns the plugin off and on.
+    scripts = {
+        "warnings": WARNINGS, "shown": SHOWN, "add node": ADD_NODE, "keys": KEYS,
+        "former names": FORMER_NAMES, "autoload": AUTOLOAD,
+    }  # fmt: skip
+    return project, look(project, scripts)
 
 
-def look(project: Path, script: str) -> dict[str, Any]:
-    """Open a project in the editor, and return what GDScript puts into ``result`` there."""
-    (project / "look.gd").write_text(LOOK + script)
+def look(project: Path, scripts: Mapping[str, str]) -> dict[str, Any]:
+    """Open a project in the editor, and return what each script puts into ``result`` there."""
+    for name, script in scripts.items():
+        (project / f"look at {name}.gd").write_text(LOOK + script)
+    (project / "look.gd").write_text(LOOK + LOOK_AT_ALL.format(names=json.dumps([*scripts])))
     godot = str(find_engine(EngineKind.GODOT4).executable(headless=True))
     command = (godot, "--headless", "--editor", "--path", str(project))
     with EngineProcess.start(LaunchConfig(command=command)) as process:
@@ -122,8 +142,9 @@ func look() -> void:
 """
 
 
-def test_warnings_follow_every_change_of_a_property(project: Path) -> None:
-    result = look(project, WARNINGS)
+def test_warnings_follow_every_change_of_a_property(seen: Seen) -> None:
+    _, results = seen
+    result = results["warnings"]
     warnings = "\n".join(result.pop("warnings"))
     assert [what for what, has_followed in result.items() if not has_followed] == []
     for part in ("policy_name is empty", "target_path", "low must be below high", "settle_ticks"):
@@ -151,8 +172,9 @@ func look() -> void:
 PROPERTY_HINT_DIR = 14
 
 
-def test_the_inspector_shows_what_a_component_uses(project: Path) -> None:
-    result = look(project, SHOWN)
+def test_the_inspector_shows_what_a_component_uses(seen: Seen) -> None:
+    project, results = seen
+    result = results["shown"]
     assert result["discrete"] == ["name", "kind", "n"]
     assert result["continuous"] == ["name", "kind", "size", "low", "high"]
     assert "low = -3.0" in (project / "component.tres").read_text(), "what is hidden is kept"
@@ -171,17 +193,18 @@ func look() -> void:
 """
 
 
-def test_the_plugin_adds_and_removes_the_autoload(project: Path) -> None:
-    expected = {"at the start": True, "disabled": False, "enabled": True}
-    assert look(project, AUTOLOAD) == expected
+def test_the_plugin_adds_and_removes_the_autoload(seen: Seen) -> None:
+    _, results = seen
+    assert results["autoload"] == {"at the start": True, "disabled": False, "enabled": True}
 
 
-def test_a_deleted_autoload_stays_deleted(project: Path) -> None:
+def test_a_deleted_autoload_stays_deleted(imported: Path, tmp_path: Path) -> None:
+    project = shutil.copytree(imported, tmp_path / "game")
     settings = project / "project.godot"
     before = settings.read_text()
     settings.write_text(re.sub(r"^Ludus=.*\n", "", before, flags=re.MULTILINE))
     assert settings.read_text() != before
-    assert look(project, AUTOLOAD)["at the start"] is False
+    assert look(project, {"autoload": AUTOLOAD})["autoload"]["at the start"] is False
 
 
 def test_icons_follow_scale_and_theme_of_the_editor(imported: Path) -> None:
@@ -219,8 +242,9 @@ SENSORS = {
 }
 
 
-def test_add_node_offers_only_what_a_person_places(project: Path) -> None:
-    classes = look(project, ADD_NODE)
+def test_add_node_offers_only_what_a_person_places(seen: Seen) -> None:
+    _, results = seen
+    classes = results["add node"]
     assert {name for name, is_node in classes.items() if is_node} == PLACED | SENSORS
     assert "LudusBridge" in classes, "a name for scripts, which is no node"
 
@@ -232,8 +256,9 @@ func look() -> void:
 """
 
 
-def test_the_inspector_lists_the_keys_that_guide_training(project: Path) -> None:
-    keys = look(project, KEYS)["keys"]
+def test_the_inspector_lists_the_keys_that_guide_training(seen: Seen) -> None:
+    _, results = seen
+    keys = results["keys"]["keys"]
     assert len(keys) == 10
     assert "ludus_start" in keys
 
@@ -260,11 +285,9 @@ is_sampling = true
 """
 
 
-def test_a_scene_with_former_names_is_saved_with_the_new_ones(project: Path) -> None:
-    scene = project / "former.tscn"
-    scene.write_text(FORMER_SCENE)
-    look(project, FORMER_NAMES)
-    saved = scene.read_text()
+def test_a_scene_with_former_names_is_saved_with_the_new_ones(seen: Seen) -> None:
+    project, _ = seen
+    saved = (project / "former.tscn").read_text()
     for line in ("visible_worlds = 7", "autostart = false", "shortcuts_enabled = false"):
         assert line in saved
     assert "sample_actions = true" in saved
