@@ -16,11 +16,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-import matplotlib.pyplot
-import PIL.Image
-import torch
-from torch.utils.tensorboard import SummaryWriter
-
 from ludus.cli import main, train
 from ludus.pool import PoolConfig, open_pool
 from ludus.runs.run_folder import RunFolder, stack_layers
@@ -40,11 +35,15 @@ STACKS_AFTER_S = 150.0
 
 def preload() -> None:
     """Load what every trainer needs, in one thread, so that forks are quick and safe."""
+    import PIL.Image
+    import torch
+    from matplotlib.backends import backend_agg
+    from matplotlib.figure import Figure
+
     torch.set_num_threads(1)  # the forks of a process with more are not safe, and slower
     PIL.Image.init()
-    matplotlib.pyplot.switch_backend("agg")
+    backend_agg.FigureCanvasAgg(Figure())
     logging.getLogger("ludus").addHandler(logging.NullHandler())  # of what the checks read
-    assert SummaryWriter
 
 
 def be_trainer(
