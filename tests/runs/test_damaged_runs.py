@@ -76,19 +76,6 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
 }
 
 
-@pytest.fixture(scope="module")
-def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from ludus.settings.train_config import PPOConfig, TrainConfig
-
-    config = TrainConfig(
-        target="gym:Identity-discrete-v0", num_worlds=4, seed=7, total_steps=192,
-        runs=tmp_path_factory.mktemp("runs"), evaluation_episodes=0, name="run",
-        checkpoint_every_s=None, checkpoint_every_updates=2,
-        ppo=PPOConfig(hidden_sizes=(8,), rollout_steps=8, minibatch_size=32, epochs=1),
-    )  # fmt: skip
-    return train(config).path
-
-
 @pytest.fixture
 def run(trained: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(trained, tmp_path / "run"))
@@ -271,6 +258,7 @@ def test_an_error_is_shown_though_nothing_can_be_saved(
     assert "no checkpoint of step" in caplog.text
 
 
+@pytest.mark.curve
 def test_damaged_metrics_are_left_out_and_the_others_kept(
     run: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -291,6 +279,7 @@ def test_damaged_metrics_are_left_out_and_the_others_kept(
     assert list_runs(run)[0].agent_steps == 256
 
 
+@pytest.mark.curve
 @pytest.mark.parametrize("name", ["metrics.jsonl", "result.json", "learning_curve.png", ".lock"])
 @pytest.mark.parametrize("kind", ["folder", "pipe"])
 def test_something_else_in_the_place_of_a_file_is_one_error_or_none(

@@ -56,6 +56,7 @@ def test_names_are_printed_as_they_are(name: str) -> None:
     assert policy_text(name, {}, "train").startswith(name)
 
 
+@pytest.mark.curve
 def test_a_run_may_be_called_what_its_user_likes(small: Any) -> None:
     from rich.console import Console
 

@@ -43,6 +43,7 @@ def is_equal(first: Checkpoint, second: Checkpoint) -> bool:
     return one.keys() == two.keys() and all(torch.equal(one[name], two[name]) for name in one)
 
 
+@pytest.mark.curve
 def test_leaves_a_complete_folder(small: Any) -> None:
     result = train(small(evaluation_episodes=20))
     names = {path.name for path in result.path.iterdir()}
