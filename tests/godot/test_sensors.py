@@ -14,6 +14,7 @@ import ludus
 from ludus.check import CheckConfig, CheckContext, Status, run_checks
 from ludus.check.resets import check_resets
 from ludus.engine import EngineKind, find_engine
+from ludus.pool import PoolConfig, open_pool
 from ludus.settings.train_config import PPOConfig, TrainConfig
 from tests.godot_project import write_project
 
@@ -176,6 +177,28 @@ func get_observation() -> PackedFloat32Array:
 
 func told() -> PackedFloat32Array:
 """
+
+
+DRAWN = """
+func ludus_drawn() -> Array:
+	var rays: LudusRays3D = $Rays
+	rays.draw_in_game(true)
+	var seen := rays.sense()
+	var mesh: Mesh = (rays.get_child(-1, true) as MeshInstance3D).mesh
+	return [seen[0], mesh.get_aabb().size.length() / rays.reach]
+"""
+
+
+def test_a_drawn_ray_ends_where_it_hits(tmp_path: Path) -> None:
+    game = write_game(tmp_path / "game", "3d", "isolated", "StaticBody")
+    script = game / "game_3d.gd"
+    script.write_text(script.read_text() + DRAWN)
+    with open_pool(str(game), PoolConfig(num_worlds=1)) as pool:
+        pool.reset(5)
+        agent = {"world": 0, "agent": "Body/LudusAgent"}
+        ((seen, drawn),) = pool.call(agent, "ludus_drawn")
+    assert 0.0 < seen < 1.0
+    assert drawn == pytest.approx(seen, abs=1e-5)
 
 
 def test_the_check_names_rays_that_a_game_casts_after_a_reset(tmp_path: Path) -> None:

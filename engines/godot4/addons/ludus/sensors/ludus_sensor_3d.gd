@@ -154,6 +154,7 @@ func redraw() -> void:
 		material.vertex_color_use_as_albedo = true
 		_drawing.material_override = material
 		_drawing.mesh = ImmediateMesh.new()
+		_drawing.cast_shadow = GeometryInstance3D.SHADOW_CASTING_SETTING_OFF
 		add_child(_drawing, false, Node.INTERNAL_MODE_BACK)
 	var mesh := _drawing.mesh as ImmediateMesh
 	mesh.clear_surfaces()
