@@ -1,13 +1,13 @@
 extends Node3D
 ## Draws a floor, and each shape of the room as a box in its colour.
 
-const WALL_COLOR := Color(0.914, 0.863, 0.765)
+const WALL_COLOR := Color(0.594, 0.561, 0.497)
 const COLORS := {
-	&"Sofa": Color(0.184, 0.561, 0.514),
-	&"Table": Color(0.541, 0.353, 0.2),
-	&"Shelf": Color(0.478, 0.322, 0.188),
-	&"Crate": Color(0.765, 0.604, 0.373),
-	&"Plant": Color(0.247, 0.608, 0.31),
+	&"Sofa": Color(0.12, 0.365, 0.334),
+	&"Table": Color(0.352, 0.229, 0.13),
+	&"Shelf": Color(0.311, 0.209, 0.122),
+	&"Crate": Color(0.497, 0.393, 0.242),
+	&"Plant": Color(0.161, 0.395, 0.202),
 }
 
 
