@@ -96,7 +96,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
     patch.setenv("XDG_CONFIG_HOME", _own_state().name)
     # Drawing takes half the time of a short run.
     if (loop := sys.modules.get("ludus.training.loop")) and not item.get_closest_marker("curve"):
-        patch.setattr(loop, "draw_learning_curve", lambda *_: False)
+        patch.setattr(loop, "draw_learning_curve", _draw_nothing)
     if not item.nodeid.startswith("tests/engine/"):  # there, the import itself is tested
         patch.setattr("ludus.engine.importing._run_import", _kept_imports(item.config).run)
     if not (item.get_closest_marker("engine") or item.get_closest_marker("screen")):
@@ -137,6 +137,10 @@ def _why_nothing_is_drawn() -> str:
     except SetupError as error:
         return f"{error.message}; {error.hint}"
     return ""
+
+
+def _draw_nothing(*_: object) -> bool:
+    return False
 
 
 def _has_cleanrl() -> bool:
