@@ -1,6 +1,7 @@
 """The code that the pages show runs, parses or compiles; what can't be run says why.
 
-A block that is not run has a line ``<!-- not run: REASON -->`` before it.
+A block that is not run has a line ``<!-- not run: REASON -->`` before it. `test_readme` and
+`test_python_page` run those of the README and the examples of docs/python.md, and look further.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import importlib
 import re
 import shlex
 import subprocess
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,7 +29,7 @@ PAGES = [
     *sorted(page for page in (ROOT / "docs").rglob("*.md") if GENERATED not in page.parents),
 ]
 BLOCK = re.compile(
-    r"(?:<!-- not run: (?P<reason>.+?) -->\n)?^(?P<indent> *)```(?P<language>[\w,]*)\n"
+    r"(?:<!-- (?:not run|example): (?P<reason>.+?) -->\n)?^(?P<indent> *)```(?P<language>[\w,]*)\n"
     r"(?P<code>.*?)^(?P=indent)```$",
     re.MULTILINE | re.DOTALL,
 )
@@ -87,15 +89,15 @@ def _runnable() -> list[Any]:
             block, id=str(block), marks=marks if block.page.startswith("docs/libraries/") else []
         )
         for block in _blocks("python")
-        if not block.reason
+        if not block.reason and block.page != "README.md"
     ]
 
 
 @pytest.mark.engine
 @pytest.mark.slow
 @pytest.mark.parametrize("block", _runnable())
-def test_a_python_block_runs(block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_python_block_runs(block: Block, shorten_training: Callable[[int], None]) -> None:
+    shorten_training(2048)
     exec(compile(block.code, str(block), "exec"), {})
 
 
