@@ -45,5 +45,8 @@ REPOSITORY = {"url": "https://host/ludus.git", "vcs_info": {"vcs": "git", "commi
 def test_an_extra_comes_from_where_ludus_came_from(
     origin: dict[str, Any] | None, hint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(importlib.metadata, "distribution", lambda _: Installed(origin))
+    def find(_: str) -> Installed:
+        return Installed(origin)
+
+    monkeypatch.setattr(importlib.metadata, "distribution", find)
     assert install_hint("train") == f"pip install {hint}"
