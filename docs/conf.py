@@ -20,7 +20,7 @@ from _links import broken_links  # noqa: E402
 from _reference import write_command_pages, write_error_pages, write_gdscript_pages  # noqa: E402
 
 project = "Ludus"
-author = "the Ludus developers"
+author = project_copyright = "the Ludus developers"
 release = version = __version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 exclude_patterns = ["_*"]
