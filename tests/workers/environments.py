@@ -10,7 +10,7 @@ from gymnasium import spaces
 
 from tests.training.environments import Constant, register
 
-WIDTH = 7000
+WIDTH = 28_000
 
 
 class Wide(Constant):

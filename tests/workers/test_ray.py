@@ -170,20 +170,33 @@ def test_a_sweep_runs_every_trial_on_the_cluster(cluster: Any, tmp_path: Path) -
     assert actors() == []
 
 
+def large(tmp_path: Path) -> TrainConfig:
+    """One rollout of 229 MB; a node keeps 157 MB in memory."""
+    ppo = PPOConfig(hidden_sizes=(8,), rollout_steps=64, epochs=1, minibatch_size=1024)
+    return TrainConfig(
+        "gym:tests.workers.environments:Wide-v0", cluster="auto", num_machines=1, num_engines=1,
+        num_worlds=32, total_steps=32 * 64, seed=1, ppo=ppo, runs=tmp_path, name="run",
+        evaluation_episodes=0,
+    )  # fmt: skip
+
+
 def test_a_rollout_that_is_larger_than_the_object_store(cluster: Any, tmp_path: Path) -> None:
-    small = add_node(cluster, object_store_memory=80 << 20)
+    assert train(large(tmp_path)).stop_reason == "total_steps"
+
+
+def test_an_object_store_and_a_disk_that_are_full_end_the_run_with_one_error(
+    cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RAY_local_fs_capacity_threshold", "0.001")  # for Ray, that is a full disk
+    full = add_node(cluster, num_cpus=2)  # the most, so that the run gets this node
     try:
-        ppo = PPOConfig(hidden_sizes=(8,), rollout_steps=128, epochs=1, minibatch_size=4096)
-        run = train(
-            TrainConfig(
-                "gym:tests.workers.environments:Wide-v0", cluster="auto", num_machines=3,
-                num_engines=1, num_worlds=32, total_steps=3 * 32 * 128, seed=1, ppo=ppo,
-                runs=tmp_path, name="run", evaluation_episodes=0,
-            )
-        )  # fmt: skip
-        assert run.stop_reason == "total_steps"
+        with pytest.raises(RunError, match="there is no room for what machine 0") as caught:
+            train(large(tmp_path))
     finally:
-        cluster.remove_node(small)
+        cluster.remove_node(full)
+    assert "--object-store-memory" in caught.value.hint
+    assert newest(tmp_path / "run").agent_steps == 0
+    assert actors() == []
 
 
 def test_the_cluster_is_checked(cluster: Any, capsys: pytest.CaptureFixture[str]) -> None:

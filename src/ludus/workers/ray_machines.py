@@ -31,9 +31,16 @@ groups: Any = ray_util
 START_S, SILENCE_S = 120.0, 30.0
 """Seconds until a worker process runs, and without any sign of life until a worker is lost."""
 
+ARRIVE_S = 50.0
+"""Seconds that an answer has to arrive; without a head, Ray ends this process after a minute."""
+
 END_S, LEAVE_S = 15.0, 1.0
 """Seconds a worker has to end its games, and itself."""
 
+MORE_ROOM = (
+    "ray memory and df show what is full; fewer worlds need less, and ray start "
+    "--object-store-memory or --object-spilling-directory (on another disk) make room"
+)
 RESUME = "ludus train --resume goes on from the last checkpoint"
 
 log = logging.getLogger(__name__)
@@ -132,16 +139,29 @@ class RayMachine:
 
     def receive(self) -> Any:
         """Return what the method that was called last returned, or raise what it raised."""
-        while not ray.wait([self._answer], timeout=LOOK_S)[0]:
+        # Wait for it to be there, not here: only ray.get says why it cannot arrive.
+        while not ray.wait([self._answer], timeout=LOOK_S, fetch_local=False)[0]:
             self._places.cluster.require_head()
             self._get(self._actor.live.remote(), SILENCE_S)
-        kind, value, logged = self._get(self._answer, SILENCE_S)
+        kind, value, logged = self._fetch()
         for name, level, text in logged:
             logging.getLogger(name).log(level, "%s: %s", self.name, text)
         if kind == "error":
             value.message = f"{self.name}: {value.message}"
             raise value
         return value
+
+    def _fetch(self) -> tuple[str, Any, list[Any]]:
+        try:
+            return ray.get(self._answer, timeout=ARRIVE_S)
+        except ray_errors.GetTimeoutError:
+            self._places.cluster.require_head()
+            raise RunError(
+                f"what {self.name} sends has not arrived after {ARRIVE_S:.0f} s",
+                f"the line is slow, or this machine has no room for it: {MORE_ROOM}",
+            ) from None
+        except ray_errors.RayError as error:
+            raise self._as_error(error) from None
 
     def _get(self, answer: Any, timeout_s: float) -> Any:
         try:
@@ -156,14 +176,15 @@ class RayMachine:
             raise self._as_error(error) from None
 
     def _as_error(self, error: Exception) -> RunError:
-        said = str(error).strip().splitlines()[0]
         if isinstance(error, ray_errors.ObjectStoreFullError | ray_errors.OutOfDiskError):
             return RunError(
-                f"Ray has no room for what {self.name} sends: {said}",
-                "give nodes more: ray start --object-store-memory, a larger /dev/shm, or disk "
-                "for what does not fit (--object-spilling-directory)",
+                f"there is no room for what {self.name} sends: the object store of its node, or "
+                "of this one, is full, and so is the disk behind it",
+                MORE_ROOM,
             )
         self._places.cluster.require_head()
+        # What went wrong in the actor has a traceback around it.
+        said = str(getattr(error, "cause", error)).strip().splitlines()[0]
         return MachineLost(f"{self.name} is lost: {said}", RESUME)
 
     def kill(self) -> None:
