@@ -11,6 +11,7 @@ import pytest
 
 from ludus.runs.run_folder import RunFolder
 from tests.editor.conftest import Look, processes_of
+from tests.record.games import frames_of
 
 pytestmark = [pytest.mark.editor, pytest.mark.engine, pytest.mark.screen, pytest.mark.timeout(420)]
 
@@ -67,6 +68,30 @@ def test_from_a_check_to_a_policy_in_the_scene(project: Path, look: Look) -> Non
     scene = (project / "game.tscn").read_text()
     assert 'path="res://policies/player.ludus.json"' in scene
     assert str(project) not in scene, "no path of this machine"
+
+
+FILM_AND_PLAY = """\
+func look() -> void:
+	await open()
+	dock.steps.value = 1000
+	dock.flags.text = QUICK
+	await run("Train")
+	await run("Film")
+	result["film"] = dock.output.get_parsed_text()
+	dock.buttons["Play"].pressed.emit()
+	await wait(func() -> bool: return "episode 1" in dock.output.get_parsed_text())
+	await run("Stop")
+	result["play"] = dock.output.get_parsed_text()
+"""
+
+
+def test_a_run_is_filmed_and_played_in_a_window(project: Path, look: Look) -> None:
+    result = look(FILM_AND_PLAY)
+    assert "record has ended\n" in result["film"], result["film"]
+    (film,) = (project / "films").glob("*.mp4")
+    assert len(frames_of(film)) > 100
+    assert "player: episode 1" in result["play"], result["play"]
+    assert "play has ended" in result["play"], result["play"]
 
 
 STOP = """\
