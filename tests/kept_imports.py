@@ -1,8 +1,8 @@
 """Imports of Godot projects, kept from one test to the next and from one run to the next.
 
-An import starts Godot's editor, which takes three seconds of a core, and most projects of the tests
-look alike to it: what it writes depends on the classes and resources of a project, not on what its
-scripts do.
+An import starts Godot's editor, which takes three to eight seconds of a core, and most projects of
+the tests look alike to it: what a game needs of it depends on the named classes and on resources
+such as pictures, not on scripts without a name, on scenes, or on settings of the running game.
 """
 
 from __future__ import annotations
@@ -22,7 +22,13 @@ __all__ = ["KeptImports"]
 _Import = Callable[[InstalledEngine, Project, float], None]
 # What Godot's cache of global classes is made of.
 _CLASS_LINES = re.compile(rb"^(?:class_name|extends|@icon|@tool|@abstract)\b.*", re.MULTILINE)
-_NAMES = re.compile(rb"^(?:config/name|run/main_scene)=.*", re.MULTILINE)
+_IS_NAMED = re.compile(rb"^class_name\b", re.MULTILINE)
+_BASE_BY_PATH = re.compile(rb"^extends\s+[\"'](res://)?(.+?)[\"']", re.MULTILINE)
+# Sections of project.godot that are for the running game.
+_SECTION = re.compile(rb"^(?=\[\w+\]$)", re.MULTILINE)
+_OF_THE_GAME = (b"[application]", b"[autoload]", b"[debug]", b"[display]", b"[input]", b"[physics]")
+# Text that Godot reads as it is.
+_UNCHANGED = (".json", ".md", ".toml", ".txt")
 # Made while games run or for the editor's window.
 _NOT_KEPT = ("editor", "shader_cache", "ludus_import*")
 
@@ -44,7 +50,8 @@ class KeptImports:
         kept = self._folder / _key(engine, project.root)
         if not kept.is_dir():
             self._keep(kept, engine, project, timeout_s)
-        shutil.copytree(kept, project.root, dirs_exist_ok=True)
+        foreign = _without_script(kept, project.root)
+        shutil.copytree(kept, project.root, ignore=foreign, dirs_exist_ok=True)
 
     def _keep(
         self, kept: Path, engine: InstalledEngine, project: Project, timeout_s: float
@@ -63,25 +70,52 @@ class KeptImports:
                 made.rename(kept)
 
 
+def _without_script(kept: Path, root: Path) -> Callable[[str, list[str]], set[str]]:
+    """Return what names the kept files about scripts that a project does not have."""
+
+    def ignored(folder: str, names: list[str]) -> set[str]:
+        place = root / Path(folder).relative_to(kept)
+        ids = {name for name in names if name.endswith(".uid")}
+        return {name for name in ids if not (place / name.removesuffix(".uid")).exists()}
+
+    return ignored
+
+
 def _key(engine: InstalledEngine, root: Path) -> str:
     digest = hashlib.sha256(f"{engine.path} {engine.version_text}".encode())
     for file in sorted(_files(root)):
-        digest.update(f"\0{file.relative_to(root)}\0".encode())
-        digest.update(_what_is_imported(file))
+        if (content := _what_is_imported(file, root)) is not None:
+            digest.update(f"\0{file.relative_to(root)}\0".encode())
+            digest.update(content)
     return digest.hexdigest()[:32]
 
 
-def _what_is_imported(file: Path) -> bytes:
+def _what_is_imported(file: Path, root: Path) -> bytes | None:
+    """Return the part of a file that an import depends on, or None if it does not."""
     data = file.read_bytes()
     match file.suffix:
         case ".gd":
-            return b"\n".join(_CLASS_LINES.findall(data))
+            return _class_lines(file, root) if _IS_NAMED.search(data) else None
         case ".tscn" | ".tres":
-            return data.partition(b"\n")[0]  # has the UID
+            head = data.partition(b"\n")[0]
+            return head if b"uid=" in head else None
         case ".godot":
-            return _NAMES.sub(b"", data)
+            sections = _SECTION.split(data)
+            return b"".join(part for part in sections if not part.startswith(_OF_THE_GAME))
+        case suffix if suffix in _UNCHANGED:
+            return None
         case _:
             return data
+
+
+def _class_lines(file: Path, root: Path) -> bytes:
+    """Return what the cache of global classes says of a script, and of nameless ones below it."""
+    data = file.read_bytes()
+    lines = _CLASS_LINES.findall(data)
+    if base := _BASE_BY_PATH.search(data):
+        path = (root if base[1] else file.parent) / base[2].decode()
+        lines += [_class_lines(path, root)] if path.is_file() else []
+    return b"\n".join(lines)
 
 
 def _files(root: Path) -> list[Path]:
