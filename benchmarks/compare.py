@@ -23,9 +23,9 @@ import tyro
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "compare.md"
 SB3 = (
-    "stable-baselines3==2.9.2", "pandas", "python-dateutil", "pytz", "six", "mujoco",
-    "mujoco-core", "absl-py",
-    "etils", "glfw", "pyopengl", "fsspec", "importlib_resources", "zipp",
+    "stable-baselines3==2.9.2", "pandas", "python-dateutil", "pytz", "six",
+    "mujoco==4.0.0", "mujoco-core==4.0.0", "imageio", "pillow", "absl-py", "etils", "glfw",
+    "pyopengl", "fsspec", "importlib_resources", "zipp",
 )  # fmt: skip
 log = logging.getLogger("compare")
 
