@@ -9,8 +9,6 @@ const REACH := 0.9
 const CATCH_REWARD := 100.0
 ## Directions of the actions: right (+x), left, up (-z, away from the camera), down.
 const MOVES: Array[Vector3] = [Vector3.RIGHT, Vector3.LEFT, Vector3.FORWARD, Vector3.BACK]
-## The action of a person who presses no key; a trainer has no such choice.
-const STAY := -1
 
 ## Speed of the robot, metres per second.
 @export var speed: float = 5.0
@@ -26,8 +24,6 @@ const STAY := -1
 
 ## Moves for one tick: 0 to the right, 1 to the left, 2 up, 3 down.
 func apply_action(action: int) -> void:
-	if action == STAY:
-		return
 	var own_speed: float = world.parameters.get("speed", speed)
 	_robot.velocity = MOVES[action] * own_speed
 	_robot.move_and_slide()
@@ -56,15 +52,15 @@ func reset() -> void:
 	_apple.position = (_spots[spot] as Marker3D).position
 
 
-## Lets a person play with the arrow keys.
-func get_manual_action() -> int:
+## Lets a person play with the arrow keys; without one the robot stands still.
+func get_manual_action() -> Variant:
 	var right := Input.get_axis(&"ui_left", &"ui_right")
 	var down := Input.get_axis(&"ui_up", &"ui_down")
 	if right != 0.0:
 		return 0 if right > 0.0 else 1
 	if down != 0.0:
 		return 3 if down > 0.0 else 2
-	return STAY
+	return null
 
 
 ## Returns the places of robot and apple, x and z in the room, metres, to test the rules.
