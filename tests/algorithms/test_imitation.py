@@ -56,7 +56,8 @@ CASES = [
 def test_a_clone_acts_as_it_was_shown(spec: PolicySpec, config: PPOConfig) -> None:
     policy, given = Policy(spec, config), shown(spec, ANSWERS)
     before = None if policy.head.log_std is None else policy.head.log_std.clone()
-    Imitation(policy, given, ImitationConfig(epochs=60, learning_rate=1e-2), 4).clone(policy, 0)
+    imitation = Imitation(policy, given, ImitationConfig(epochs=60, learning_rate=1e-2), 4)
+    imitation.clone(policy, 0, lambda _: None)
     batch = Batch.allocate(spec, len(ANSWERS))
     batch.observation.update(given.observation)
     actions = Player(policy, len(ANSWERS)).act(batch)
@@ -74,7 +75,8 @@ def test_a_memory_carries_what_was_seen_over_the_sequences_it_is_cut_into() -> N
     given = shown(spec, first)
     given.observation["vector"][np.arange(len(first)) % LENGTH != 0] = 0.0
     policy = Policy(spec, PPOConfig(hidden_sizes=(16,), memory_size=16))
-    Imitation(policy, given, ImitationConfig(epochs=60, learning_rate=1e-2), 4).clone(policy, 0)
+    imitation = Imitation(policy, given, ImitationConfig(epochs=60, learning_rate=1e-2), 4)
+    imitation.clone(policy, 0, lambda _: None)
     player, batch = Player(policy, EPISODES), Batch.allocate(spec, EPISODES)
     batch.active[:] = True
     for step in range(LENGTH):
