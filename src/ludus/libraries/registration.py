@@ -23,6 +23,7 @@ ENVIRONMENT_IDS = {
     "ludus/CartPole-v0": "cartpole",
     "ludus/Pendulum-v0": "pendulum",
     "ludus/BallChase-v0": "ball_chase",
+    "ludus/AppleSeeker-v0": "apple_seeker",
     "ludus/KeyDoor-v0": "key_door",
     "ludus/FindCoin-v0": "find_coin",
     "ludus/Tag-v0": "tag",
