@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from ludus.addon import install_addon
 from ludus.cli.main import main
 from ludus.errors import ConfigError, SetupError, TargetError
 from ludus.play.hand import hand_player
-from ludus.pool import PoolConfig, open_pool
+from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.record import RecordConfig
 from ludus.record.dataset import record_dataset
 from tests.godot.conftest import PROJECT
@@ -129,14 +130,18 @@ policy_name = "both"
 """
 
 
+def opened_game(folder: Path, files: Mapping[str, str]) -> EnginePool:
+    """Write a project with the add-on into a folder, and open it."""
+    for name, text in {"project.godot": PROJECT, **files}.items():
+        (folder / name).write_text(text)
+    install_addon(folder)
+    return open_pool(folder, PoolConfig())
+
+
 @pytest.mark.engine
 def test_a_person_plays_by_the_keys_of_the_game(tmp_path: Path) -> None:
-    (tmp_path / "project.godot").write_text(PROJECT)
-    (tmp_path / "played.gd").write_text(PLAYED)
-    (tmp_path / "both.gd").write_text(BOTH)
-    (tmp_path / "right.tscn").write_text(SCENE)
-    install_addon(tmp_path)
-    with open_pool(tmp_path, PoolConfig()) as pool:
+    files = {"played.gd": PLAYED, "both.gd": BOTH, "right.tscn": SCENE}
+    with opened_game(tmp_path, files) as pool:
         act = hand_player(pool)
         batches = pool.reset(1)
         for _ in range(2):
@@ -192,11 +197,7 @@ script = ExtResource("1")
 
 @pytest.mark.engine
 def test_no_step_passes_until_a_person_has_chosen(tmp_path: Path) -> None:
-    (tmp_path / "project.godot").write_text(PROJECT)
-    (tmp_path / "turns.gd").write_text(TURNS)
-    (tmp_path / "right.tscn").write_text(TURNS_SCENE)
-    install_addon(tmp_path)
-    with open_pool(tmp_path, PoolConfig()) as pool:
+    with opened_game(tmp_path, {"turns.gd": TURNS, "right.tscn": TURNS_SCENE}) as pool:
         act = hand_player(pool)
         batches = pool.reset(1)
         for turn in (1, 2, 3):

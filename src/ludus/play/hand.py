@@ -26,9 +26,9 @@ def hand_player(pool: EnginePool) -> Act:
         pool: One engine with a window, at the speed of the game.
 
     Returns:
-        Asks the game for the action of every active agent. As long as all say null, nothing is
-        chosen yet: the game goes on for a frame without a step, and is asked again. Where only
-        some do, those agents do what 0 means.
+        A function that asks the game for the action of every active agent. While all answer null,
+        the person has not chosen yet: a frame passes without a step, and the game is asked again.
+        If only some answer null, those agents take action 0.
     """
 
     def act(batches: Batches) -> Mapping[str, ActionBatch]:

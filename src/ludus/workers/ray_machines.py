@@ -178,8 +178,8 @@ class RayMachine:
     def _as_error(self, error: Exception) -> RunError:
         if isinstance(error, ray_errors.ObjectStoreFullError | ray_errors.OutOfDiskError):
             return RunError(
-                f"there is no room for what {self.name} sends: the object store of its node, or "
-                "of this one, is full, and so is the disk behind it",
+                f"the data from {self.name} does not fit: the object store of its node or of "
+                "this one is full, and so is the disk behind it",
                 MORE_ROOM,
             )
         self._places.cluster.require_head()

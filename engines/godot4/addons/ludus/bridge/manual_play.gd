@@ -1,8 +1,8 @@
 extends RefCounted
 ## Lets a person play while no trainer is there: agents whose target has
-## [code]get_manual_action()[/code] act on it, and begin anew when they are done. Where it returns
-## null, nothing was chosen yet, and the agent's step does not begin. Agents with a
-## policy are left to [LudusPolicyPlayer]. Of many worlds the first one is played.
+## [code]get_manual_action()[/code] take the action that it returns, and start a new episode when
+## theirs ends. While it returns null, the person has not chosen yet, and the agent waits. Agents
+## with a policy are left to [LudusPolicyPlayer]. Of many worlds, the first one is played.
 
 const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
 
