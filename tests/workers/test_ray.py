@@ -190,7 +190,7 @@ def test_an_object_store_and_a_disk_that_are_full_end_the_run_with_one_error(
     monkeypatch.setenv("RAY_local_fs_capacity_threshold", "0.001")  # for Ray, that is a full disk
     full = add_node(cluster, num_cpus=2)  # the most, so that the run gets this node
     try:
-        with pytest.raises(RunError, match=r"the data from machine 0 \(.*\) does not fit") as caught:
+        with pytest.raises(RunError, match=r"data from machine 0 \(.*\) does not fit") as caught:
             train(large(tmp_path))
     finally:
         cluster.remove_node(full)
