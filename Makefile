@@ -35,6 +35,9 @@ WEB := wasm32-unknown-unknown
 CARGO_HINT := install Rust 1.95 or newer from https://rustup.rs
 # What Cargo builds is kept from one checkout to the next.
 export CARGO_TARGET_DIR ?= $(if $(XDG_CACHE_HOME),$(XDG_CACHE_HOME),$(HOME)/.cache)/ludus/cargo
+# Python keeps what it has compiled, whatever the environment says: without, each process that
+# imports PyTorch compiles it again, which doubles the CPU of that import.
+unexport PYTHONDONTWRITEBYTECODE
 # Rustup's toolchains lie beside its programs, even where HOME is another one.
 RUSTUP := $(wildcard $(dir $(shell command -v cargo))../../.rustup)
 ifneq ($(RUSTUP),)
