@@ -13,7 +13,7 @@ import pytest
 import ludus
 from ludus.check import CheckConfig, Status, run_checks
 from ludus.cli.main import main
-from ludus.engine import EngineKind, find_engine
+from ludus.engine import EngineKind, ensure_imported, find_engine, read_project
 from ludus.settings.train_config import PPOConfig, TrainConfig
 
 KINDS = ("2d", "3d", "simulation")
@@ -41,7 +41,15 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     folder = tmp_path_factory.mktemp("new") / "my-game"
     with contextlib.redirect_stdout(io.StringIO()) as told:
         assert main(["new", str(folder), f"--{request.param}"]) == 0
-    return Made(request.param, folder, told.getvalue(), run_godot(folder, "--editor", "--quit"))
+    printed: list[str] = []
+
+    def open_in_editor(*_: object) -> None:
+        printed.append(run_godot(folder, "--editor", "--quit"))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ludus.engine.importing._run_import", open_in_editor)
+        ensure_imported(find_engine(EngineKind.GODOT4), read_project(folder))
+    return Made(request.param, folder, told.getvalue(), *printed)
 
 
 def run_godot(project: Path, *arguments: str) -> str:
