@@ -2,6 +2,7 @@
 
 from ludus.addon.install import (
     ADDON_PATH,
+    GDRL_PATH,
     LEGACY_PATH,
     MANIFEST_NAME,
     PLUGIN,
@@ -11,11 +12,13 @@ from ludus.addon.install import (
     install_addon,
     install_folder,
     read_project_file,
+    remove_folder,
     write_project_file,
 )
 
 __all__ = [
     "ADDON_PATH",
+    "GDRL_PATH",
     "LEGACY_PATH",
     "MANIFEST_NAME",
     "PLUGIN",
@@ -25,5 +28,6 @@ __all__ = [
     "install_addon",
     "install_folder",
     "read_project_file",
+    "remove_folder",
     "write_project_file",
 ]

@@ -32,6 +32,7 @@ from ludus.errors import ConfigError, SetupError
 
 __all__ = [
     "ADDON_PATH",
+    "GDRL_PATH",
     "LEGACY_PATH",
     "MANIFEST_NAME",
     "PLUGIN",
@@ -41,11 +42,13 @@ __all__ = [
     "install_addon",
     "install_folder",
     "read_project_file",
+    "remove_folder",
     "write_project_file",
 ]
 
 ADDON_PATH = "addons/ludus"
 LEGACY_PATH = "addons/ludus_classic"
+GDRL_PATH = "addons/ludus_gdrl"
 MANIFEST_NAME = ".ludus_manifest.json"
 PLUGIN = "res://addons/ludus/plugin.cfg"
 
@@ -57,7 +60,11 @@ _BRIDGES = {
 }
 _ARRAY_TYPES = {EngineKind.GODOT4: "PackedStringArray", EngineKind.GODOT3: "PoolStringArray"}
 _SIGNS = {
-    EngineKind.GODOT4: {ADDON_PATH: "plugin.cfg", LEGACY_PATH: "ai_runner.gd"},
+    EngineKind.GODOT4: {
+        ADDON_PATH: "plugin.cfg",
+        LEGACY_PATH: "ai_runner.gd",
+        GDRL_PATH: "sync.gd",
+    },
     EngineKind.GODOT3: {ADDON_PATH: "plugin.cfg", LEGACY_PATH: "gym_godot.gd"},
 }
 """A file that every complete folder of the add-on contains."""
@@ -156,7 +163,7 @@ def install_addon(project: Path, *, force: bool = False) -> AddonChange:
     failure half-way leaves the old one. Files that belong to an older version only are removed,
     and scenes, scripts and settings that name a script which has moved since are rewritten.
     Repeating the installation changes nothing. The classes of legacy bridges
-    (:data:`LEGACY_PATH`) are upgraded too if the project has them.
+    (:data:`LEGACY_PATH`, :data:`GDRL_PATH`) are upgraded too if the project has them.
 
     Args:
         project: Folder of the project, or anything inside it.
@@ -168,10 +175,12 @@ def install_addon(project: Path, *, force: bool = False) -> AddonChange:
             what its add-on no longer has. Nothing was changed.
         SetupError: The project cannot be written.
     """
-    root = find_project(project).root
+    found = find_project(project)
+    root = found.root
     _refuse_link(root / PROJECT_FILE, root)
-    if (root / LEGACY_PATH).is_dir():
-        install_folder(root, LEGACY_PATH, force=force)
+    for path in _SIGNS[found.engine_kind]:
+        if path != ADDON_PATH and (root / path).is_dir():
+            install_folder(root, path, force=force)
     change = install_folder(root, ADDON_PATH, force=force)
     moved = moved_scripts(_hashes(_bundled_addon(root, ADDON_PATH)))
     with _disk_errors(root):
@@ -184,7 +193,7 @@ def install_folder(root: Path, path: str, *, force: bool) -> AddonChange:
 
     Args:
         root: Folder of the project.
-        path: :data:`ADDON_PATH` or :data:`LEGACY_PATH`.
+        path: :data:`ADDON_PATH`, :data:`LEGACY_PATH` or :data:`GDRL_PATH`.
         force: Overwrite files that were changed by hand.
 
     Raises:
@@ -200,13 +209,8 @@ def install_folder(root: Path, path: str, *, force: bool) -> AddonChange:
     if not is_bundled:
         for place in (target, target.parent):
             _refuse_link(place, root)
-    changed = files.changed()
-    if changed and not force:
-        rows = "\n".join(f"  {path}/{name}" for name in changed)
-        raise ConfigError(
-            f"these files of the add-on were changed by hand:\n{rows}",
-            hint="use --force to overwrite them, or move your changes out of the add-on",
-        )
+    if not force:
+        _refuse_changed(path, files.changed())
     new, old, version = files.bundled, files.present, package_version()
     change = AddonChange(
         version_before=files.version,
@@ -220,6 +224,31 @@ def install_folder(root: Path, path: str, *, force: bool) -> AddonChange:
         with _disk_errors(root):
             _swap_in(source, target, files, version)
     return change
+
+
+def remove_folder(root: Path, path: str, *, force: bool) -> None:
+    """Remove a folder that :func:`install_folder` has made.
+
+    Raises:
+        ConfigError: Files in it were changed or added by hand, or it is a link.
+        SetupError: The project cannot be written.
+    """
+    target = root / path
+    _refuse_link(target, root)
+    files = _survey(_bundled_addon(root, path), target)
+    if not force:
+        _refuse_changed(path, sorted({*files.changed(), *files.own()}))
+    with _disk_errors(root):
+        shutil.rmtree(target, ignore_errors=not target.exists())
+
+
+def _refuse_changed(path: str, names: list[str]) -> None:
+    if names:
+        rows = "\n".join(f"  {path}/{name}" for name in names)
+        raise ConfigError(
+            f"these files of the add-on were changed by hand:\n{rows}",
+            hint="use --force to overwrite them, or move your changes out of the add-on",
+        )
 
 
 def _refuse_link(path: Path, root: Path) -> None:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from ludus.errors import ConfigError
+
 if TYPE_CHECKING:
     from ludus.addon import AddonChange
 
@@ -22,13 +24,17 @@ class Install:
     Attributes:
         project: Folder of the project.
         force: Overwrite files of the add-on that were changed by hand.
-        legacy: For games written for godot-ai or, in Godot 3, for GymGodot or godot_gym_api: also
-            install the classes of that legacy bridge, and back up the files that they replace.
+        legacy: For games written for Godot RL Agents or godot-ai or, in Godot 3, for GymGodot or
+            godot_gym_api: also install the classes of that legacy bridge, and back up the files
+            that they replace.
+        undo: With --legacy, in Godot 4: put back the files that were backed up, and remove those
+            classes. The add-on itself stays.
     """
 
     project: tyro.conf.Positional[Path]
     force: bool = False
     legacy: bool = False
+    undo: bool = False
 
 
 @dataclass(frozen=True)
@@ -78,6 +84,8 @@ def _install(command: Install) -> int:
     from ludus.addon.new_project import add_script_templates
     from ludus.engine.project import find_project
 
+    if command.undo:
+        return _undo_legacy_addon(command)
     if command.legacy:
         _install_legacy_addon(command)
     else:
@@ -103,12 +111,23 @@ def _install_legacy_addon(command: Install) -> None:
 
     change = install_legacy_addon(command.project, force=command.force)
     _print_change("ludus add-on", change.addon)
-    _print_change("ludus_classic", change.legacy)
+    _print_change(change.folder.removeprefix("addons/"), change.legacy)
     for path in change.replaced:
         sys.stdout.write(f"  replaced: {path} (kept in {change.kept})\n")
     for path in change.without_action:
         text = "set discrete_n or continuous_size on its GymGodot node, as in Python"
         sys.stdout.write(f"  {path}: {text}\n")
+
+
+def _undo_legacy_addon(command: Install) -> int:
+    from ludus.legacy.addon import undo_legacy_addon
+
+    if not command.legacy:
+        raise ConfigError("--undo undoes an installation with --legacy", hint="add --legacy")
+    for path in undo_legacy_addon(command.project, force=command.force):
+        sys.stdout.write(f"put back: {path}\n")
+    sys.stdout.write("the Ludus add-on is still installed\n")
+    return 0
 
 
 def _print_change(name: str, change: AddonChange) -> None:

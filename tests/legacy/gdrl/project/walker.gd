@@ -5,12 +5,13 @@ extends Node
 var policy_name := "walker"
 var reset_after := 40
 var needs_reset := false
+var n_steps := 0
+var heuristic := "human"
 
 var _place := 0.0
 var _speed := 0.0
 var _reward := 0.0
 var _is_done := false
-var _age := 0
 
 
 func _ready() -> void:
@@ -23,8 +24,8 @@ func _ready() -> void:
 
 
 func _physics_process(_delta: float) -> void:
-	_age += 1
-	if needs_reset or _age > reset_after:
+	n_steps += 1
+	if needs_reset or n_steps > reset_after:
 		_begin()
 	_place += _speed
 	_reward += _speed
@@ -38,7 +39,7 @@ func get_obs_space() -> Dictionary:
 
 
 func get_obs() -> Dictionary:
-	return {"obs": [_place, _age, _place > 0.0], "is_near": int(_place < 1.0)}
+	return {"obs": [_place, n_steps, _place > 0.0], "is_near": int(_place < 1.0)}
 
 
 func get_action_space() -> Dictionary:
@@ -68,6 +69,10 @@ func set_done_false() -> void:
 	_is_done = false
 
 
+func set_heuristic(who: String) -> void:
+	heuristic = who
+
+
 func get_info() -> Dictionary:
 	return {}
 
@@ -83,4 +88,4 @@ func get_arguments() -> Array:
 func _begin() -> void:
 	needs_reset = false
 	_place = 0.0
-	_age = 0
+	n_steps = 0

@@ -1,0 +1,150 @@
+"""Our script in the place of Godot RL Agents' `sync.gd`: installed, undone, and trained with."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ludus
+from ludus.addon import GDRL_PATH, install_addon
+from ludus.cli.addon import Install, run
+from ludus.errors import ConfigError
+from ludus.legacy.addon import install_legacy_addon, undo_legacy_addon
+from ludus.pool import Pool
+from ludus.spec import ContinuousAction, DiscreteAction
+from ludus.spec.batch import ActionBatch, Batch
+
+SYNC = "addons/godot_rl_agents/sync.gd"
+TICKS = 4
+LIMIT = 40
+"""Ticks after which the controllers of the game begin again."""
+
+
+def write_game(folder: Path) -> Path:
+    """Write the walkers with a script of the original's path, name and exports."""
+    shutil.copytree(Path(__file__).with_name("project"), folder)
+    sync = folder / SYNC
+    sync.parent.mkdir(parents=True)
+    sync.write_bytes(b"extends Node\r\nclass_name Sync\r\n@export var action_repeat := 8\r\n")
+    scene = folder / "walkers.tscn"
+    text = scene.read_text().replace("res://speaker.gd", f"res://{SYNC}")
+    scene.write_text(text + f"action_repeat = {TICKS}\n")
+    return folder
+
+
+@pytest.fixture
+def game(tmp_path: Path) -> Path:
+    return write_game(tmp_path / "game")
+
+
+@pytest.fixture(scope="module")
+def pool(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pool]:
+    project = write_game(tmp_path_factory.mktemp("gdrl") / "game")
+    install_legacy_addon(project)
+    with ludus.open_pool(str(project), ludus.PoolConfig(num_worlds=2)) as opened:
+        yield opened
+
+
+def tree(folder: Path) -> dict[str, bytes]:
+    files = (file for file in folder.rglob("*") if file.is_file())
+    return {file.relative_to(folder).as_posix(): file.read_bytes() for file in files}
+
+
+def step(pool: Pool, *moves: float) -> Batch:
+    """Move the walkers of both worlds, the two of the first one before those of the second."""
+    actions = {
+        "walker": ActionBatch(
+            np.zeros((4, 1), np.int64), np.array([[move, 0.0] for move in moves], np.float32)
+        ),
+        "watcher": ActionBatch(np.ones((2, 1), np.int64), np.zeros((2, 0), np.float32)),
+    }
+    return pool.step(actions)["walker"]
+
+
+def test_only_sync_is_replaced_and_undo_restores_it(game: Path) -> None:
+    before = tree(game)
+    change = install_legacy_addon(game)
+    assert (change.replaced, change.kept) == ((SYNC,), "godot_rl_agents.old")
+    assert (game / SYNC).read_text().startswith(f'class_name Sync\nextends "res://{GDRL_PATH}/sync')
+    after = tree(game)
+    assert {name for name in before if after[name] != before[name]} == {SYNC, "project.godot"}
+    install_legacy_addon(game)
+    assert tree(game) == after, "repeating it changes nothing"
+    assert undo_legacy_addon(game) == (SYNC,)
+    undone = tree(game)
+    assert {name for name in before if undone[name] != before[name]} == {"project.godot"}
+    assert not (game / GDRL_PATH).exists()
+    assert not (game / "godot_rl_agents.old").exists()
+
+
+def test_undo_refuses_to_drop_a_newer_script(game: Path) -> None:
+    install_legacy_addon(game)
+    (game / SYNC).write_text("extends Node\n# a newer version of the plug-in\n")
+    before = tree(game)
+    with pytest.raises(ConfigError, match=f"changed since the originals.*\n  {SYNC}"):
+        undo_legacy_addon(game)
+    assert tree(game) == before
+    undo_legacy_addon(game, force=True)
+    with pytest.raises(ConfigError, match="no backup"):
+        undo_legacy_addon(game)
+
+
+def test_undo_needs_legacy(game: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run(Install(game, legacy=True))
+    with pytest.raises(ConfigError, match="--legacy"):
+        run(Install(game, undo=True))
+    run(Install(game, legacy=True, undo=True))
+    output = capsys.readouterr().out
+    assert "ludus_gdrl" in output
+    assert f"put back: {SYNC}\n" in output
+
+
+def test_classes_are_upgraded_with_the_add_on(game: Path) -> None:
+    install_legacy_addon(game)
+    own = game / GDRL_PATH / "gdrl_agent.gd"
+    own.unlink()
+    install_addon(game)
+    assert own.is_file()
+
+
+@pytest.mark.engine
+def test_controllers_are_agents_of_every_world(pool: Pool) -> None:
+    walker, watcher = pool.spec.policies
+    assert pool.spec.ticks_per_step == TICKS
+    assert [agent.path for agent in walker.agents[:2]] == ["First/LudusAgent", "Second/LudusAgent"]
+    assert [(e.name, e.dtype, e.shape) for e in (*walker.observation, *watcher.observation)] == [
+        ("obs", "float32", (3,)),
+        ("is_near", "float32", (2,)),
+        ("camera_2d", "uint8", (2, 3, 4)),
+    ]
+    assert walker.action == (DiscreteAction("hop", 3), ContinuousAction("move", 2, -1.0, 1.0))
+
+
+@pytest.mark.engine
+def test_each_agent_gets_its_own_action_and_reward(pool: Pool) -> None:
+    first = pool.reset(seed=1)
+    image = first["watcher"].observation["camera_2d"]
+    assert image[0].ravel().tolist() == [*range(23), 0]
+    assert first["walker"].observation["obs"][:, 1].tolist() == [0.0] * 4
+    moves = [1.0, -0.5, 0.25, 0.0]
+    for total in (1.0, 2.0):
+        batch = step(pool, *moves)
+        assert batch.observation["obs"][:, 0].tolist() == [total * move for move in moves]
+        assert batch.reward.tolist() == moves
+    assert batch.observation["is_near"].tolist() == [[1, 0], [0, 1], [0, 1], [0, 1]]
+
+
+@pytest.mark.engine
+def test_ends_and_time_limits_are_told_apart(pool: Pool) -> None:
+    batch = pool.reset(seed=1)["walker"]
+    for number in range(1, LIMIT // TICKS):
+        batch = step(pool, 1.0 if number < 5 else 0.0, 0.0, 0.0, 0.0)
+        assert batch.terminated.tolist() == [number == 4, False, False, False]
+        assert batch.truncated.tolist() == [False] + [number == LIMIT // TICKS - 1] * 3
+    last = batch.final_observation["obs"]
+    assert last[:, 1].tolist() == [LIMIT - TICKS] * 3, "the last one before the game begins again"
+    assert step(pool, 0.0, 0.0, 0.0, 0.0).observation["obs"][1:, 1].tolist() == [TICKS - 1] * 3
