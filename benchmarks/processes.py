@@ -20,6 +20,9 @@ import tyro
 
 import ludus
 
+WARM_UP_S = 1.5
+"""Longer than it takes pools to notice that others share their cores."""
+
 
 @dataclass
 class Config:
@@ -45,14 +48,17 @@ def step_for(config: Config, is_pinned: bool, barrier: Any, rates: Any) -> None:
     envs: Any = ludus.make_vec(config.target, num_worlds=config.worlds, is_pinned=is_pinned)
     envs.reset(seed=0)
     actions = np.zeros_like(envs.action_space.sample())
-    for _ in range(100):
-        envs.step(actions)
+
+    def rate(seconds: float) -> float:
+        start, steps = time.perf_counter(), 0
+        while time.perf_counter() - start < seconds:
+            envs.step(actions)
+            steps += envs.num_envs
+        return steps / (time.perf_counter() - start)
+
     barrier.wait()
-    start, steps = time.perf_counter(), 0
-    while time.perf_counter() - start < config.seconds:
-        envs.step(actions)
-        steps += envs.num_envs
-    rates.put(steps / (time.perf_counter() - start))
+    rate(WARM_UP_S)
+    rates.put(rate(config.seconds))
     barrier.wait()  # nobody ends an engine while others measure
     envs.close()
 

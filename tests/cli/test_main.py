@@ -13,7 +13,7 @@ import pytest
 
 from ludus.cli.main import COMMANDS, main
 from ludus.errors import CheckpointError, ConfigError, EngineCrashed, EngineNotFound
-from ludus.extras import install_hint
+from ludus.extras import EXTRAS, install_hint
 
 
 @dataclass(frozen=True)
@@ -160,6 +160,24 @@ def test_python_names_the_extra_that_is_missing(code: str, package: str, extra: 
     )
     expected = f"MissingExtra: {package} is not installed\nhint: {install_hint(extra)}\n"
     assert done.stderr.endswith(expected), done.stderr
+
+
+def test_the_extra_engine_brings_all_that_ludus_engine_needs() -> None:
+    absent = set(EXTRAS) - {"platformdirs", "tyro", "rich"}  # tyro itself brings rich
+    lines = f"""
+import sys
+class Absent:  # not None in sys.modules: tyro imports torch if it finds its name there
+    def find_spec(self, name, *_):
+        if name.partition(".")[0] in {absent}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+sys.meta_path.insert(0, Absent())
+from ludus.cli.main import main
+sys.exit(main(["engine", "list"]))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", lines], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
 
 
 def test_ctrl_c(command: Any, capsys: pytest.CaptureFixture[str]) -> None:

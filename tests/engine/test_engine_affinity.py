@@ -73,6 +73,7 @@ def two_cores(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return the folder of the locks, in a cache of its own, on a machine with cores 4 and 6."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(affinity, "allowed_cores", lambda: (4, 6))
+    monkeypatch.setattr(affinity, "_LOOK_S", 0.0)
     return tmp_path / "ludus" / "cores" / socket.gethostname()
 
 
@@ -115,8 +116,35 @@ def test_processes_take_different_cores(hold: Callable[[int], subprocess.Popen[s
     assert read(second) == "closed"
     first.kill()
     first.wait()
-    with reserve_cores(2) as cores:
-        assert cores.plan == CorePlan(((4,), (6,)), (4, 6))
+    with reserve_cores(1) as cores:
+        assert cores.plan == CorePlan((None,), None)  # the third waits, and is not looking now
+        third.kill()
+        third.wait()
+        assert cores.look_again()
+        assert cores.plan == CorePlan(((4,),), (6,))
+
+
+@pytest.mark.usefixtures("two_cores")
+def test_pools_that_wait_for_cores_have_all_others_unpin() -> None:
+    def look_again() -> list[bool]:
+        return [pool.look_again() for pool in (first, second, third)]
+
+    unpinned = CorePlan((None,), None)
+    first, second, third = (reserve_cores(1) for _ in range(3))
+    assert [first.plan, second.plan, third.plan] == [
+        CorePlan(((4,),), (6,)), CorePlan(((6,),), (4, 6)), unpinned
+    ]  # fmt: skip
+    assert look_again() == [True, True, False]
+    assert first.plan == second.plan == unpinned
+    with reserve_cores(2) as fourth:
+        third.close()
+        assert look_again() == [True, True, False]  # nobody has told them of the fourth yet
+        fourth.look_again()
+        assert look_again() == [True, True, False]
+        first.close()
+        second.close()
+        assert fourth.look_again()
+        assert fourth.plan == CorePlan(((4,), (6,)), (4, 6))
 
 
 @pytest.mark.usefixtures("two_cores")

@@ -7,12 +7,10 @@ import signal
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from ludus.engine import allowed_cores
 from ludus.pool import EnginePool, PoolConfig, open_pool
-from ludus.session.engine_session import EngineSession
 from ludus.spec.batch import ActionBatch
 
 pytestmark = [
@@ -23,10 +21,19 @@ pytestmark = [
 ]
 
 
-def pid(pool: EnginePool) -> int:
-    session = pool.sessions[0]
-    assert isinstance(session, EngineSession) and session.pid
+def pid(pool: EnginePool, engine: int = 0) -> int:
+    session = pool.sessions[engine]
+    assert session.pid
     return session.pid
+
+
+def step(pool: EnginePool) -> None:
+    pool.step({"cart": ActionBatch.zeros(pool.policies["cart"], pool.num_agents("cart"))})
+
+
+def cores_of_threads(pool: EnginePool, engine: int = 0) -> set[frozenset[int]]:
+    tasks = Path(f"/proc/{pid(pool, engine)}/task").iterdir()
+    return {frozenset(os.sched_getaffinity(int(task.name))) for task in tasks}
 
 
 def test_engines_of_two_pools_run_on_different_cores(
@@ -43,9 +50,38 @@ def test_engines_of_two_pools_run_on_different_cores(
         first.close()
         pool.reset(0)
         os.kill(pid(pool), signal.SIGKILL)
-        action = ActionBatch(np.zeros((1, 1), np.int64), np.zeros((1, 0), np.float32))
-        pool.step({"cart": action})
+        step(pool)
         assert pool.num_restarts == 1
         assert os.sched_getaffinity(pid(pool)) == {second_core}
         with open_pool("cartpole") as third:
             assert os.sched_getaffinity(pid(third)) == {first_core}
+
+
+def test_nobody_is_pinned_while_there_are_more_engines_than_cores(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ludus.engine.affinity.cache_root", lambda: tmp_path)
+    monkeypatch.setattr("ludus.engine.affinity._LOOK_S", 0.0)
+    cores = (allowed_cores() or ())[:2]
+    monkeypatch.setattr("ludus.engine.affinity.allowed_cores", lambda: cores)
+    first, second = ({frozenset({core})} for core in cores)
+    unpinned = {frozenset(cores)}
+
+    def step_twice() -> None:
+        for pool in (pair, single):
+            step(pool)
+
+    with open_pool("cartpole") as single:
+        single.reset(0)
+        assert cores_of_threads(single) == first
+        with open_pool("cartpole", PoolConfig(num_engines=2, max_restarts=1)) as pair:
+            pair.reset(0)
+            step_twice()
+            for pool, engine in ((single, 0), (pair, 0), (pair, 1)):
+                assert cores_of_threads(pool, engine) == unpinned
+            os.kill(pid(pair), signal.SIGKILL)
+            step_twice()
+            assert pair.num_restarts == 1 and cores_of_threads(pair) == unpinned
+            single.close()
+            step(pair)
+            assert [cores_of_threads(pair, engine) for engine in (0, 1)] == [first, second]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import threading
 from collections.abc import Iterator
@@ -404,9 +403,12 @@ def test_timeouts_are_errors_of_the_engine(fleet: Fleet) -> None:
 @pytest.mark.parametrize("is_broken", [False, True])
 def test_cores_are_held_until_the_pool_is_closed(fleet: Fleet, is_broken: bool) -> None:
     freed: list[str] = []
-    locks = contextlib.ExitStack()
-    locks.callback(freed.append, "freed")
-    cores = ReservedCores(CorePlan(((0,),), (1,)), locks)
+
+    class Reserved(ReservedCores):
+        def close(self) -> None:
+            freed.append("freed")
+
+    cores = Reserved(CorePlan(((0,),), (1,)))
     if is_broken:
         fleet.broken = {(0, 0)}
         with pytest.raises(EngineStartError):

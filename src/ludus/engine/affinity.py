@@ -3,8 +3,10 @@
 An engine that is pinned to one core runs up to twice as fast, because its worker threads no
 longer wake each other across cores. Platforms without pinning (macOS, Windows) get no plan.
 Two engines on one core get half of it each, so a pool locks a file per core in the user's cache,
-and takes cores that no other pool has locked; where there are too few, it pins nothing. The system
-frees the locks of a process that dies.
+and takes cores that no other pool has locked. With more engines than cores nobody pins, since
+engines that may run anywhere crowd onto the cores of those that may not: a pool that finds too few
+cores locks ``waiting.lock`` until it gets them, and the others unpin their engines meanwhile. The
+system frees the locks of a process that dies.
 """
 
 from __future__ import annotations
@@ -15,12 +17,14 @@ import os
 import socket
 import sys
 import threading
+import time
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from ludus.engine.cache import cache_root
+from ludus.engine.process_group import pin_group
 from ludus.errors import ConfigError
 from ludus.locks import LockHeld, file_lock
 
@@ -38,6 +42,9 @@ __all__ = [
 _log = logging.getLogger(__name__)
 
 _pin_lock = threading.Lock()
+
+_LOOK_S = 1.0
+"""How often a pool looks whether others came or went: it takes some 10 µs."""
 
 
 @dataclass(frozen=True)
@@ -123,16 +130,47 @@ def _plan(taken: Sequence[int], allowed: tuple[int, ...], others: Sequence[int] 
     return CorePlan(engines=tuple((core,) for core in taken), learner=left or allowed)
 
 
-@dataclass(frozen=True)
+@dataclass
 class ReservedCores:
-    """Cores of a pool, locked until `close`; see :func:`reserve_cores`."""
+    """Cores of a pool until `close`; see :func:`reserve_cores`.
+
+    Attributes:
+        plan: Where its engines run now.
+    """
 
     plan: CorePlan
-    _locks: ExitStack = field(default_factory=ExitStack, repr=False)
+    _locks: _CoreLocks | None = None
+    _last_look: float = 0.0
+
+    def look_again(self) -> bool:
+        """Follow other pools that came or went; return whether that changed ``plan``.
+
+        Cheap enough for every step, as it does nothing most of the time.
+        """
+        now = time.monotonic()
+        if self._locks is None or now < self._last_look + _LOOK_S:
+            return False
+        self._last_look = now
+        before = self.plan
+        with contextlib.suppress(OSError):  # the cache cannot be written to any more
+            self.plan = self._locks.plan()
+        return self.plan != before
+
+    def pin(self, pids: Sequence[int | None]) -> None:
+        """Move running engines to where ``plan`` has them.
+
+        Args:
+            pids: Of each engine the process that leads its group; None if it is not ours.
+        """
+        for pid, cores in zip(pids, self.plan.engines, strict=True):
+            if pid is not None and self._locks is not None:
+                pin_group(pid, cores or self._locks.allowed)
 
     def close(self) -> None:
         """Leave the cores to others; may be called twice."""
-        self._locks.close()
+        if self._locks is not None:
+            self._locks.close()
+            self._locks = None
 
     def __enter__(self) -> ReservedCores:
         return self
@@ -144,39 +182,103 @@ class ReservedCores:
 def reserve_cores(num_engines: int) -> ReservedCores:
     """Choose cores that no other pool of this user has locked, one for each engine.
 
-    Nothing is pinned where fewer are free than there are engines. Nor under a quota of processor
-    time (a container's): the processes it shares the machine with have locks of their own, and all
-    would begin with the first core. Where the cache cannot be written to, nothing is locked, and
-    every pool begins with the first core.
+    Nothing is pinned while fewer are free than there are engines, here or in another pool. Nor
+    under a quota of processor time (a container's): the processes it shares the machine with have
+    locks of their own, and all would begin with the first core. Where the cache cannot be written
+    to, nothing is locked, and every pool begins with the first core.
     """
     allowed, root, quota = allowed_cores(), cache_root(), cpu_quota()
-    unpinned = ReservedCores(CorePlan((None,) * num_engines, None))
     if not allowed or (quota is not None and quota < len(allowed)):
-        return unpinned
+        return ReservedCores(CorePlan((None,) * num_engines, None))
     if root is None:
         return ReservedCores(plan_cores(num_engines, allowed))
     # The cache may lie in a home folder that several machines mount.
     folder = root / "cores" / (socket.gethostname() or "localhost")
-    taken: list[int] = []
-    others: list[int] = []
-    locks = ExitStack()
-    for core in allowed:
-        if len(taken) == num_engines:
-            break
-        try:
-            locks.enter_context(file_lock(folder / f"core-{core}.lock", timeout_s=0.0))
-        except LockHeld:
-            others.append(core)
-        except OSError as error:
-            _log.debug("cores are not agreed upon with other processes: %s", error)
-            locks.close()
-            return ReservedCores(plan_cores(num_engines, allowed))
-        else:
-            taken.append(core)
-    if len(taken) < num_engines:
+    locks = _CoreLocks(folder, allowed, num_engines)
+    try:
+        return ReservedCores(locks.plan(), locks, time.monotonic())
+    except OSError as error:
+        _log.debug("cores are not agreed upon with other processes: %s", error)
         locks.close()
-        return unpinned
-    return ReservedCores(_plan(taken, allowed, others), locks)
+        return ReservedCores(plan_cores(num_engines, allowed))
+
+
+class _CoreLocks:
+    """What one pool has locked: the cores of its engines, or while it waits ``waiting.lock``.
+
+    Args:
+        folder: Where the files lie.
+        allowed: Cores that this process may use.
+        num_engines: How many cores the pool needs.
+    """
+
+    def __init__(self, folder: Path, allowed: tuple[int, ...], num_engines: int) -> None:
+        self.allowed = allowed
+        self._folder = folder
+        self._num_engines = num_engines
+        self._taken: list[int] = []
+        self._others: list[int] = []
+        self._cores = ExitStack()
+        self._waiting: ExitStack | None = None
+
+    def plan(self) -> CorePlan:
+        """Take cores unless some were taken before, and return where engines should run now.
+
+        Raises:
+            OSError: The files cannot be locked.
+        """
+        if self._taken or self._take_cores():
+            self._stop_waiting()
+            if not self._is_anyone_waiting():
+                return _plan(self._taken, self.allowed, self._others)
+        elif self._waiting is None:
+            self._waiting = self._lock("waiting")  # None: another pool waits, too
+        return CorePlan((None,) * self._num_engines, None)
+
+    def close(self) -> None:
+        """Free all locks."""
+        self._taken = []
+        self._cores.close()
+        self._stop_waiting()
+
+    def _take_cores(self) -> bool:
+        """Lock one core for each engine, or none at all."""
+        if self._num_engines > len(self.allowed):
+            return False
+        taken: list[int] = []
+        self._others = []
+        with ExitStack() as locks:
+            for core in self.allowed:
+                if (lock := self._lock(f"core-{core}")) is None:
+                    self._others.append(core)
+                    continue
+                locks.enter_context(lock)
+                taken.append(core)
+                if len(taken) == self._num_engines:
+                    self._cores, self._taken = locks.pop_all(), taken
+                    return True
+        return False
+
+    def _is_anyone_waiting(self) -> bool:
+        # Of two that ask at the same moment one may see the other's lock; it asks again soon.
+        lock = self._lock("waiting")
+        if lock is not None:
+            lock.close()
+        return lock is None
+
+    def _stop_waiting(self) -> None:
+        if self._waiting is not None:
+            self._waiting.close()
+            self._waiting = None
+
+    def _lock(self, name: str) -> ExitStack | None:
+        """Lock a file; return what frees it, or None if another pool has it."""
+        lock = ExitStack()
+        try:
+            lock.enter_context(file_lock(self._folder / f"{name}.lock", timeout_s=0.0))
+        except LockHeld:
+            return None
+        return lock
 
 
 @contextmanager

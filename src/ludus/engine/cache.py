@@ -9,6 +9,7 @@ Layout of the user cache::
     screens/<name>/Xvfb                   for virtual screens; see `screen`
     bundled/<kind>/<version>/             a writable copy of the bundled project
     cores/<host>/core-<number>.lock       held while a pool has pinned an engine to that core
+    cores/<host>/waiting.lock             held while a pool finds fewer free cores than it needs
 """
 
 from __future__ import annotations

@@ -13,10 +13,10 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-__all__ = ["CMD", "ProcessGroup", "windows_command_line"]
+__all__ = ["CMD", "ProcessGroup", "pin_group", "windows_command_line"]
 
 CMD = ("cmd", "/d", "/s", "/c")
 """The shell of Windows, without what the user's registry has it run first."""
@@ -156,16 +156,31 @@ def _has_living_member(group: int) -> bool:
         return False
     if sys.platform != "linux":
         return True
-    return any(_is_living_member(path, group) for path in Path("/proc").glob("[0-9]*/stat"))
+    return any(_living_members(group))
 
 
-def _is_living_member(stat: Path, group: int) -> bool:
-    try:
-        text = stat.read_text(encoding="utf-8", errors="replace")
-    except OSError:  # it has just ended
-        return False
-    state, _parent, own_group = text.rpartition(")")[2].split()[:3]  # proc_pid_stat(5)
-    return int(own_group) == group and state not in {"Z", "X"}
+def _living_members(group: int) -> Iterator[Path]:
+    """Yield the folders in /proc of a group's processes."""
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):  # it has just ended
+            text = stat.read_text(encoding="utf-8", errors="replace")
+            state, _parent, own_group = text.rpartition(")")[2].split()[:3]  # proc_pid_stat(5)
+            if int(own_group) == group and state not in {"Z", "X"}:
+                yield stat.parent
+
+
+def pin_group(group: int, cores: Sequence[int]) -> None:
+    """Let all threads of a group's processes run on ``cores`` only; Linux."""
+    if sys.platform != "linux":
+        return
+    for process in _living_members(group):
+        threads: list[Path] = []
+        with contextlib.suppress(OSError):  # the process has just ended
+            threads = list((process / "task").iterdir())
+        for thread in threads:
+            # The thread has just ended, or the cores were taken from this process (cpusets).
+            with contextlib.suppress(OSError):
+                os.sched_setaffinity(int(thread.name), cores)
 
 
 _KILL = getattr(signal, "SIGKILL", signal.SIGTERM)

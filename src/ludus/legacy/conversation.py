@@ -91,6 +91,11 @@ class Conversation(Generic[Message]):
         self._patience = patience
         self._request, self._began = b"", 0.0
 
+    @property
+    def pid(self) -> int | None:
+        """Process id of the game; None if it is not ours."""
+        return self._watch.pid
+
     def ask(self, request: bytes, read: Callable[[Message], Answer]) -> Answer:
         """Send a request and return what ``read`` makes of its answer."""
         self.send(request)

@@ -77,6 +77,8 @@ class LegacyGame(ABC):
 
     methods: Mapping[str, Callable[..., Any]] = {}
     """What ``Session.call`` reaches, by name; takes and returns plain JSON."""
+    pid: int | None = None
+    """Process id of the game; None if somebody else started it."""
 
     def __init__(self, *declarations: Declaration) -> None:
         self.declarations = declarations

@@ -65,6 +65,11 @@ class LegacySession:
         return self._spec
 
     @property
+    def pid(self) -> int | None:
+        """Process id of the game; None if it is not ours."""
+        return self._game.pid
+
+    @property
     def times(self) -> StepTimes:
         """Where the time of the last step went, measured here.
 

@@ -46,7 +46,8 @@ class EnginePool:
         open_engine: Starts engine *k* and returns its session.
         num_engines: How many to start; all start at once.
         max_restarts: Restarts until an error is passed on.
-        cores: Where the engines run; left to others when the pool is closed.
+        cores: Where the engines run, as long as other pools leave them there; freed when the pool
+            is closed.
 
     Raises:
         EngineError: An engine did not start; the others are ended.
@@ -170,6 +171,8 @@ class EnginePool:
                 self._sessions[engine].send(actions)
             except _RESTARTABLE as error:
                 self._note_loss(engine, error)
+            if self._cores.look_again():
+                self._cores.pin([session.pid for session in self._sessions])
         self._is_in_flight[engine] = True
 
     def receive(self, engine: int) -> Batches:

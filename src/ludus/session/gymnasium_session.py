@@ -88,6 +88,10 @@ class GymnasiumSession:
         return self._spec
 
     @property
+    def pid(self) -> None:
+        """None: environments run in this process."""
+
+    @property
     def times(self) -> StepTimes:
         """Zeros: there is no engine."""
         return StepTimes(self._num_steps, 0, 0, 0)

@@ -29,6 +29,11 @@ class Session(Protocol):
         """How the time of the last step was spent."""
         ...
 
+    @property
+    def pid(self) -> int | None:
+        """Process id of the engine; None if it has no process that we started."""
+        ...
+
     def reset(self, request: ResetRequest) -> Batches:
         """Begin new episodes; returns views that the next answer overwrites."""
         ...

@@ -68,6 +68,7 @@ class GdrlGame(LegacyGame):
         self._policies = policies
         self._num_agents = sum(len(policy.rows) for policy in policies)
         self._conversation = conversation
+        self.pid = conversation.pid
         self._time_limits = time_limits
         self._idle = [_idle_action(self._action_space(row)) for row in range(self._num_agents)]
 

@@ -70,6 +70,7 @@ class GodotClient:
         self.chunk_size = chunk_size
         connection = _read_settings(engine_address, settings)
         self._conversation, self._address = open_conversation(connection)
+        self.pid = self._conversation.pid
 
     @property
     def engine_address(self) -> tuple[str, int]:

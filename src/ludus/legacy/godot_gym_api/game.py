@@ -111,6 +111,7 @@ class GodotGymApiGame(LegacyGame):
             "set_time_speed": client.set_time_speed,
         }
         self._client = client
+        self.pid = client.pid
         self._task = task
         self._requested = task.requested_observation or {AGENT_KEY: [], WORLD_KEY: []}
         if task.configuration:

@@ -40,6 +40,7 @@ class GymGodotGame(LegacyGame):
         super().__init__(declaration)
         self.port = port
         self._conversation = conversation
+        self.pid = conversation.pid
 
     def reset(self, seed: int | None, parameters: Mapping[str, Any] | None) -> Sequence[Any]:
         """Begin an episode; see :meth:`LegacyGame.reset`."""
