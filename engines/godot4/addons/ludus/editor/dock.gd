@@ -174,7 +174,11 @@ func _start_with(python: String, arguments: PackedStringArray) -> bool:
 
 func _on_ended(exit_code: int) -> void:
 	var what := _arguments[0]
-	output.write("%s has ended%s" % [what, "" if exit_code == 0 else ", exit code %d" % exit_code])
+	if command.is_stopping:
+		output.write("%s was stopped" % what)  # its exit code tells no more than that
+	else:
+		var code := "" if exit_code == 0 else ", exit code %d" % exit_code
+		output.write("%s has ended%s" % [what, code])
 	if what == "addon":
 		environment.take_end(_arguments, exit_code, output.get_parsed_text())
 		find_python()
