@@ -69,7 +69,7 @@ func shoot(name: String) -> void:
 
 """
 
-Look = Callable[..., dict[str, Any]]
+Look = Callable[[str], dict[str, Any]]
 
 
 @pytest.fixture(scope="session")
@@ -89,31 +89,41 @@ def imported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture
-def project(imported: Path, tmp_path: Path) -> Path:
-    return shutil.copytree(imported, tmp_path / "game")
+@pytest.fixture(scope="module")
+def project(imported: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return shutil.copytree(imported, tmp_path_factory.mktemp("project") / "game")
 
 
-@pytest.fixture
-def look(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Look:
+@pytest.fixture(scope="module")
+def look(project: Path, tmp_path_factory: pytest.TempPathFactory) -> Look:
     """Return what opens the project in the editor, and what GDScript puts into ``result``.
 
-    Pictures that the script takes lie in ``$LUDUS_PICTURES``, or else in the test's folder.
+    The Ludus of the tests is the one that installed the add-on. Pictures that the script takes
+    lie in ``$LUDUS_PICTURES``, or else in a folder of the test.
     """
-    pictures = Path(os.environ.get("LUDUS_PICTURES", tmp_path))
-
-    def run(script: str, python: str = sys.executable) -> dict[str, Any]:
-        monkeypatch.setenv("LUDUS_PYTHON", python)
+    folder = tmp_path_factory.mktemp("look")
+    pictures = Path(os.environ.get("LUDUS_PICTURES", folder))
+    installer = folder / "config" / "ludus" / "python"
+    installer.parent.mkdir(parents=True)
+    installer.write_text(f"{sys.executable}\n")
+    environment = {
+        "LUDUS_PYTHON": sys.executable,
         # Mesa maps its cache; another program that shortens it ends the editor by SIGBUS.
-        monkeypatch.setenv("MESA_SHADER_CACHE_DIR", str(tmp_path / "mesa"))
-        monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))  # the editor's settings
+        "MESA_SHADER_CACHE_DIR": str(folder / "mesa"),
+        "XDG_CONFIG_HOME": str(folder / "config"),  # the editor's settings, and those of Ludus
+    }
+
+    def run(script: str) -> dict[str, Any]:
         (project / "look.gd").write_text(LOOK.format(pictures=pictures) + script)
         godot = str(find_engine(EngineKind.GODOT4).executable(headless=False))
         command = (godot, "--rendering-driver", "opengl3", "--resolution", "1280x800", "--editor")
         command = with_display((*command, "--path", str(project)))
-        log = tmp_path / "editor.log"
-        with EngineProcess.start(LaunchConfig(command=command, log_path=log)) as process:
-            exit_code = process.wait(TIMEOUT_S)
+        log = folder / "editor.log"
+        with pytest.MonkeyPatch.context() as patch:
+            for name, value in environment.items():
+                patch.setenv(name, value)
+            with EngineProcess.start(LaunchConfig(command=command, log_path=log)) as process:
+                exit_code = process.wait(TIMEOUT_S)
         lines = log.read_text(errors="replace").splitlines()
         end = "\n".join(lines[-40:])
         assert exit_code == 0, end
