@@ -1,12 +1,14 @@
 """The game's side of the wire as a small program, for tests without an engine.
 
 ``python -m tests.legacy.gdrl.fake_game NAME --port=…`` connects and plays. The name chooses what
-it does: ``walk`` is right, ``old`` is right as plug-ins before 0.6 were, everything else goes wrong
-before it has connected, in what it says of itself, or in its third step.
+it does: ``walk`` is right, ``old`` is right as plug-ins before 0.6 were, ``connect_again`` is right
+and tries to connect a second time; everything else goes wrong before it has connected, in what it
+says of itself, or in its third step.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import socket
@@ -73,7 +75,15 @@ def die(_link: socket.socket) -> None:
     os._exit(7)
 
 
+def connect_again(link: socket.socket) -> None:
+    with contextlib.suppress(ConnectionRefusedError):
+        socket.create_connection(link.getpeername(), 10.0).close()
+        sys.exit("a second game could connect")
+    link.sendall(frame(STEP))
+
+
 FAULTS: dict[str, Callable[[socket.socket], None]] = {
+    "connect_again": connect_again,
     "die": die,
     "freeze": lambda link: time.sleep(600.0),
     "hang_up": lambda link: link.close(),

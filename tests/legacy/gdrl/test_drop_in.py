@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,10 +13,13 @@ import pytest
 import ludus
 from ludus.addon import GDRL_PATH, install_addon
 from ludus.cli.addon import Install, run
-from ludus.errors import ConfigError
+from ludus.engine import EngineKind, find_engine
+from ludus.errors import ConfigError, TargetError
 from ludus.legacy.addon import install_legacy_addon, undo_legacy_addon
+from ludus.model import PolicyModel, write_model
+from ludus.model.policy_model import Distribution, Linear
 from ludus.pool import Pool
-from ludus.spec import ContinuousAction, DiscreteAction
+from ludus.spec import ContinuousAction, DiscreteAction, PolicySpec
 from ludus.spec.batch import ActionBatch, Batch
 
 SYNC = "addons/godot_rl_agents/sync.gd"
@@ -42,9 +46,14 @@ def game(tmp_path: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def pool(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pool]:
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     project = write_game(tmp_path_factory.mktemp("gdrl") / "game")
     install_legacy_addon(project)
+    return project
+
+
+@pytest.fixture(scope="module")
+def pool(project: Path) -> Iterator[Pool]:
     with ludus.open_pool(str(project), ludus.PoolConfig(num_worlds=2)) as opened:
         yield opened
 
@@ -91,6 +100,13 @@ def test_undo_refuses_to_drop_a_newer_script(game: Path) -> None:
     undo_legacy_addon(game, force=True)
     with pytest.raises(ConfigError, match="no backup"):
         undo_legacy_addon(game)
+
+
+def test_bridge_refuses_a_game_with_our_script(game: Path) -> None:
+    install_legacy_addon(game)
+    with pytest.raises(TargetError, match="in the place of sync") as caught:
+        ludus.make_vec(f"gdrl:{game}")
+    assert "--undo" in (caught.value.hint or "")
 
 
 def test_undo_needs_legacy(game: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -148,3 +164,72 @@ def test_ends_and_time_limits_are_told_apart(pool: Pool) -> None:
     last = batch.final_observation["obs"]
     assert last[:, 1].tolist() == [LIMIT - TICKS] * 3, "the last one before the game begins again"
     assert step(pool, 0.0, 0.0, 0.0, 0.0).observation["obs"][1:, 1].tolist() == [TICKS - 1] * 3
+
+
+PROBE = """\
+extends Node
+
+@onready var _walker: Node = $"../First"
+
+
+func _physics_process(_delta: float) -> void:
+	if _walker.n_steps == 8:
+		print("%s moves %.4f" % [_walker.heuristic, _walker.get("_speed")])
+		get_tree().quit()
+"""
+PLAYED_SCENE = f"""\
+[gd_scene format=3]
+
+[ext_resource type="Script" path="res://walker.gd" id="1"]
+[ext_resource type="Script" path="res://{SYNC}" id="2"]
+[ext_resource type="Script" path="res://probe.gd" id="3"]
+
+[node name="Walkers" type="Node"]
+
+[node name="First" type="Node" parent="."]
+script = ExtResource("1")
+
+[node name="Sync" type="Node" parent="."]
+script = ExtResource("2")
+control_mode = 2
+action_repeat = {TICKS}
+onnx_model_path = "res://walker.onnx"
+
+[node name="Probe" type="Node" parent="."]
+script = ExtResource("3")
+"""
+
+
+def write_policy(path: Path, spec: PolicySpec) -> None:
+    """Write a walker's policy that hops and moves -0.5 and 0.25, whatever it sees."""
+    outputs = np.array([0.0, 1.0, 0.0, -0.5, 0.25], np.float32)
+    model = PolicyModel(
+        policy=spec.name,
+        fingerprint=spec.fingerprint(),
+        observation=spec.observation,
+        action=spec.action,
+        has_action_mask=False,
+        normalisation=None,
+        images=(),
+        memory=None,
+        layers=(Linear(np.zeros((5, 5), np.float32), outputs, "none"),),
+        distribution=Distribution(np.zeros(2, np.float32)),
+    )
+    write_model(path, model)
+
+
+@pytest.mark.engine
+def test_exported_policy_plays_in_place_of_onnx(project: Path, pool: Pool) -> None:
+    (project / "probe.gd").write_text(PROBE)
+    (project / "played.tscn").write_text(PLAYED_SCENE)
+    godot = find_engine(EngineKind.GODOT4).executable(headless=True)
+    command = [str(godot), "--headless", "--fixed-fps", "60", "--quit-after", "60"]
+    command += ["--path", str(project), "res://played.tscn"]
+
+    def play() -> str:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+        return done.stdout + done.stderr
+
+    assert "cannot read res://walker.ludus.json" in play()
+    write_policy(project / "walker.ludus.json", pool.spec.policies[0])
+    assert "model moves 0.1875" in play()

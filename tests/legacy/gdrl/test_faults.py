@@ -31,11 +31,14 @@ pytestmark = pytest.mark.usefixtures("nothing_left")
 ROOT = Path(__file__).parents[3]
 
 
-def fake(name: str, **settings: Any) -> Session:
+def command_of(name: str) -> str:
     program = f"{shlex.quote(sys.executable)} -m tests.legacy.gdrl.fake_game"
-    command = f"cd {shlex.quote(str(ROOT))} && {program} {name}"
+    return f"cd {shlex.quote(str(ROOT))} && {program} {name}"
+
+
+def fake(name: str, **settings: Any) -> Session:
     given: dict[str, Any] = {"start_timeout_s": 60.0, "step_timeout_s": 60.0, **settings}
-    return open_session("127.0.0.1:0", command=command, **given)
+    return open_session("127.0.0.1:0", command=command_of(name), **given)
 
 
 def play(session: Session) -> None:
@@ -51,11 +54,23 @@ def play(session: Session) -> None:
         session.close()
 
 
-@pytest.mark.parametrize("name", ["walk", "old", "bother"])
+@pytest.mark.parametrize("name", ["walk", "old", "bother", "connect_again"])
 def test_right_games_play(name: str) -> None:
     session = fake(name)
     assert session.spec.policies[0].name == ("shared_policy" if name == "old" else "one")
     play(session)
+
+
+def test_make_vec_has_the_agents_of_all_games() -> None:
+    envs = ludus.make_vec("gdrl:127.0.0.1:0", num_engines=2, command=command_of("walk"))
+    try:
+        observations, _ = envs.reset()
+        assert observations["obs"].tolist() == [[0.0, 0.0]] * 4
+        _, rewards, terminated, truncated, _ = envs.step(envs.action_space.sample())
+        assert rewards.tolist() == [0.5, 1.0] * 2
+        assert not (terminated.any() or truncated.any())
+    finally:
+        envs.close()
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from ludus.errors import ConfigError, TargetError
+from ludus.legacy.addon_files import is_forwarding
 from ludus.legacy.addresses import GameAddress, check_one_game, read_address
+from ludus.legacy.gdrl.addon import forwarding_scripts
 from ludus.legacy.gdrl.connecting import Waiting, open_conversation
 from ludus.legacy.gdrl.declaring import group_agents
 from ludus.legacy.gdrl.game import GdrlGame
@@ -147,12 +149,21 @@ def _open(
 
 
 def _check_scripts(target: Path) -> None:
-    """Refuse a project whose scripts are all in C#, which stock Godot ignores.
+    """Refuse a project whose scripts are all in C#, or whose ``sync.gd`` is ours.
+
+    Stock Godot ignores C#, and our script connects to no trainer of Godot RL Agents.
 
     Raises:
         TargetError: It is one.
     """
     root = target if target.is_dir() else target.parent
+    if any(is_forwarding(script) for script in forwarding_scripts(root)):
+        raise TargetError(
+            f"{root} has Ludus's script in the place of sync.gd, so that it does not speak the "
+            "protocol of Godot RL Agents",
+            hint=f"leave out gdrl: (ludus train {root}), or put the original back: "
+            f"ludus addon install --legacy --undo {root}",
+        )
     kinds = {
         file.suffix
         for file in root.rglob("*")
