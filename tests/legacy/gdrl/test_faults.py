@@ -66,7 +66,7 @@ def test_make_vec_has_the_agents_of_all_games() -> None:
     try:
         observations, _ = envs.reset()
         assert observations["obs"].tolist() == [[0.0, 0.0]] * 4
-        _, rewards, terminated, truncated, _ = envs.step(envs.action_space.sample())
+        _, rewards, terminated, truncated, _ = envs.step(np.zeros((4, 1)))
         assert rewards.tolist() == [0.5, 1.0] * 2
         assert not (terminated.any() or truncated.any())
     finally:
