@@ -24,7 +24,8 @@ from algorithms_tasks import PPO_DEFAULTS, TASKS, their_model
 from torch import Tensor, nn
 
 from ludus.algorithms.learner import LearnerSettings
-from ludus.algorithms.ppo import PPO, Transitions
+from ludus.algorithms.ppo import PPO
+from ludus.algorithms.transitions import Transitions
 from ludus.networks.networks import Inputs
 from ludus.networks.policy import Policy
 from ludus.pool import PoolConfig, open_pool

@@ -49,7 +49,7 @@ class Adam:
     @torch.no_grad()
     def clip_grad_norm(self, max_norm: float) -> Tensor:
         """Scale the gradient to ``max_norm`` if it is longer; return its length before."""
-        length = self._gradients.square().sum().sqrt_()
+        length = self._gradients.dot(self._gradients).sqrt_()
         self._gradients.mul_((max_norm / (length + 1e-6)).clamp_(max=1.0))
         return length
 

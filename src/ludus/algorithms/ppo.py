@@ -18,13 +18,13 @@ import copy
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
+from torch import Tensor, nn
 
 from ludus.algorithms.adam import Adam, learning_rate_at
 from ludus.algorithms.learner import NUM_SAMPLES, LearnerSettings, LearnerState, check_finite_losses
@@ -34,9 +34,12 @@ from ludus.algorithms.losses import (
     generalised_advantage,
     value_loss,
 )
+from ludus.algorithms.ppo_gradient import LOSSES, PPOGradient
 from ludus.algorithms.ppo_recorder import PPORecorder
 from ludus.algorithms.recorder import Recording
 from ludus.algorithms.recurrence import Sequences, cut_into_sequences, run_memory
+from ludus.algorithms.transitions import Transitions, equal_parts
+from ludus.networks.closed_form import PerceptronGradient
 from ludus.networks.device import mixed_precision
 from ludus.networks.networks import Inputs
 from ludus.networks.normalise import RewardScaler
@@ -52,61 +55,10 @@ from ludus.networks.tensors import (
 from ludus.settings.policy_config import PPOConfig
 from ludus.spec.batch import ActionBatch, Batch
 
-__all__ = ["PPO", "Transitions"]
+__all__ = ["PPO"]
 
 ADAM_EPSILON = 1e-5
-LOSS_METRICS: tuple[str, ...] = (
-    "policy_loss",
-    "value_loss",
-    "entropy",
-    "approximate_kl",
-    "clip_fraction",
-    "grad_norm",
-)
-
-
-@dataclass(frozen=True)
-class Transitions:
-    """``n`` transitions to learn from; all slots that were active.
-
-    Attributes:
-        inputs: What was observed.
-        discrete: ``int64[n, d]``.
-        continuous: ``float32[n, c]``, as sampled.
-        mask: ``bool[n, mask_size]``, None without masks.
-        log_prob: ``float32[n]``, of the action when it was taken.
-        value: ``float32[n]``, V of the state when the action was taken.
-        advantage: ``float32[n]``.
-        target: ``float32[n]``, what the value should have been.
-        sequences: With a memory, how the rows follow each other; inactive slots are then among
-            them. None without a memory.
-    """
-
-    inputs: Inputs
-    discrete: Tensor
-    continuous: Tensor
-    mask: Tensor | None
-    log_prob: Tensor
-    value: Tensor
-    advantage: Tensor
-    target: Tensor
-    sequences: Sequences | None = None
-
-    def rows(self, index: Tensor | slice) -> Transitions:
-        """Return a copy of some of the transitions, or a view for a slice."""
-        return Transitions(
-            self.inputs.rows(index),
-            self.discrete[index],
-            self.continuous[index],
-            None if self.mask is None else self.mask[index],
-            self.log_prob[index],
-            self.value[index],
-            self.advantage[index],
-            self.target[index],
-        )
-
-    def __len__(self) -> int:
-        return len(self.log_prob)
+LOSS_METRICS = (*LOSSES, "grad_norm")
 
 
 class PPO:
@@ -120,6 +72,8 @@ class PPO:
         self._critic = policy.make_critic(config).to(self._device)
         parameters = itertools.chain(policy.parameters(), self._critic.parameters())
         self._optimiser = Adam(parameters, ADAM_EPSILON)
+        can_do = PPOGradient.can_do(policy, self._critic, settings)
+        self._gradient = PPOGradient(policy, self._critic, config) if can_do else None
         self._forward = cast(
             Callable[[Inputs, Sequences | None], tuple[Tensor, Tensor]],
             cast(Any, torch).compile(self._outputs) if settings.is_compiled else self._outputs,
@@ -259,6 +213,21 @@ class PPO:
     def _gradient_step(self, batch: Transitions) -> Tensor:
         """Move the parameters once; return ``LOSS_METRICS``."""
         config = self.config
+        # Without a reward, the entropy term would widen a Gaussian without bound.
+        entropy_coefficient = config.entropy_coefficient if self._has_seen_reward else 0.0
+        self._optimiser.zero_gradients()
+        if self._gradient is not None:
+            advantage = self._normalised(batch.advantage)
+            losses = self._gradient.add(batch, advantage, entropy_coefficient)
+        else:
+            losses = self._add_gradient(batch, entropy_coefficient)
+        grad_norm = self._optimiser.clip_grad_norm(config.max_grad_norm)
+        self._optimiser.step(self._learning_rate)
+        return torch.cat([losses, grad_norm.unsqueeze(0)])
+
+    def _add_gradient(self, batch: Transitions, entropy_coefficient: float) -> Tensor:
+        """Compute the gradient by autograd; return ``LOSSES``."""
+        config = self.config
         with mixed_precision(self._device, self._is_mixed):
             outputs, value = self._forward(batch.inputs, batch.sequences)
         outputs, value = outputs.float(), value.float()
@@ -268,30 +237,27 @@ class PPO:
         log_prob, entropy = self.policy.head.evaluate(
             outputs, batch.discrete, batch.continuous, batch.mask
         )
-        log_ratio = log_prob - batch.log_prob
-        advantage = batch.advantage
-        if config.normalise_advantage and len(batch) > 1:
-            advantage = (advantage - advantage.mean()) / (advantage.std(correction=0) + 1e-8)
-
+        log_ratio, advantage = log_prob - batch.log_prob, self._normalised(batch.advantage)
         policy_loss = -clipped_surrogate(log_ratio, advantage, config.clip_range).mean()
         loss_value = value_loss(value, batch.target, batch.value, config.value_clip_range)
         mean_entropy = entropy.mean()
-        # Without a reward, the entropy term would widen a Gaussian without bound.
-        entropy_coefficient = config.entropy_coefficient if self._has_seen_reward else 0.0
         loss = (
             policy_loss + config.value_coefficient * loss_value - entropy_coefficient * mean_entropy
         )
         if self._imitation is not None:
             loss = loss + self._imitation.penalty(self.policy, self._generator)
-        self._optimiser.zero_gradients()
         cast(Any, loss).backward()
-        grad_norm = self._optimiser.clip_grad_norm(config.max_grad_norm)
-        self._optimiser.step(self._learning_rate)
-
         with torch.no_grad():
             kl = approximate_kl(log_ratio)
             is_clipped = (log_ratio.expm1().abs() > config.clip_range).float().mean()
-            return torch.stack([policy_loss, loss_value, mean_entropy, kl, is_clipped, grad_norm])
+            return torch.stack([policy_loss, loss_value, mean_entropy, kl, is_clipped])
+
+    def _normalised(self, advantage: Tensor) -> Tensor:
+        """Return the advantages of one minibatch as the policy's loss takes them."""
+        if not self.config.normalise_advantage or len(advantage) < 2:
+            return advantage
+        variance, mean = torch.var_mean(advantage, correction=0)
+        return (advantage - mean) / (variance.sqrt() + 1e-8)
 
     def _outputs(self, inputs: Inputs, sequences: Sequences | None) -> tuple[Tensor, Tensor]:
         """Return the actor's outputs and the values of some transitions."""
@@ -302,7 +268,13 @@ class PPO:
 
     def value(self, features: Tensor) -> Tensor:
         """Return the critic's values, ``float32[n]``, in the units of scaled rewards."""
-        return self._critic(features).squeeze(-1)
+        return self._run(self._critic, features).squeeze(-1)
+
+    def _run(self, network: nn.Sequential, features: Tensor) -> Tensor:
+        """Return the outputs of actor or critic, as gradient steps will compute them again."""
+        if self._gradient is None:
+            return network(features)
+        return PerceptronGradient(network).forward(features)
 
     def _minibatches(self, transitions: Transitions) -> Iterator[Transitions]:
         """Yield all transitions once, in random order, in parts of nearly equal size."""
@@ -347,7 +319,7 @@ class PPO:
         mask = None
         if rollout.has_mask:
             mask = as_tensor(rollout.mask[:-1], device).flatten(0, 1)
-        outputs = self.recorder.policy.actor(features[:num_actions])
+        outputs = self._run(self.recorder.policy.actor, features[:num_actions])
         log_prob, _ = self.policy.head.evaluate(outputs, discrete, continuous, mask)
 
         advantage = self._advantage(value, states)
@@ -468,12 +440,6 @@ class PPO:
         self._has_seen_reward = bool(state.values.get("has_seen_reward", True))
         if self._imitation is not None:
             self._imitation.num_updates = int(state.values.get("imitated_updates", 0))
-
-
-def equal_parts(length: int, num_parts: int) -> list[slice]:
-    """Return slices that cut ``length`` rows into parts of nearly equal size."""
-    bounds = [length * part // num_parts for part in range(num_parts + 1)]
-    return [slice(start, stop) for start, stop in itertools.pairwise(bounds)]
 
 
 def _flat(observation: dict[str, NDArray[Any]], device: torch.device) -> dict[str, Tensor]:

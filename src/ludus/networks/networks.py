@@ -14,6 +14,7 @@ from torch.nn import functional
 
 from ludus.model.policy_model import image_shape, is_image
 from ludus.networks.normalise import RunningNormaliser
+from ludus.networks.tensors import take_rows
 from ludus.spec import ObservationEntry
 
 __all__ = [
@@ -51,7 +52,8 @@ class Inputs:
 
     def rows(self, index: Tensor | slice) -> Inputs:
         """Return some of the rows."""
-        return Inputs(self.vector[index], tuple(image[index] for image in self.images))
+        images = tuple(take_rows(image, index) for image in self.images)
+        return Inputs(take_rows(self.vector, index), images)
 
     def __len__(self) -> int:
         return len(self.vector)
