@@ -156,7 +156,7 @@ pub fn look(client: &mut Client) -> (u32, u32, Vec<u8>) {
 /// Checks that both agents see nothing but the colour of their last action.
 pub fn check_colors((width, height, pixels): &(u32, u32, Vec<u8>), colors: [&str; 2]) {
     assert_eq!((*width, *height), (2 * WIDTH, HEIGHT));
-    for (index, pixel) in pixels.chunks_exact(4).enumerate() {
+    for (index, pixel) in pixels.as_chunks::<4>().0.iter().enumerate() {
         let agent = usize::from(index as u32 % width >= WIDTH);
         let expected: Vec<i32> = colors[agent]
             .split(' ')
