@@ -170,6 +170,31 @@ class Recall(gymnasium.Env[Any, Any]):
         return np.asarray([0, 0, 0, 0, self.left == 1], np.float32), reward, is_over, False, {}
 
 
+class Stairs(gymnasium.Env[Any, Any]):
+    """Only the last of eight stairs pays; one action climbs each, others lead back to the floor."""
+
+    HEIGHT = 8
+
+    def __init__(self) -> None:
+        self.observation_space = spaces.Box(0.0, 1.0, (self.HEIGHT,), np.float32)
+        self.action_space = spaces.Discrete(4)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        super().reset(seed=seed)
+        self.height = 0
+        return self._observe(), {}
+
+    def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        self.height = self.height + 1 if action == self.height * 7 % 4 else 0
+        is_up = self.height == self.HEIGHT
+        return self._observe(), float(is_up), is_up, False, {}
+
+    def _observe(self) -> Array:
+        return np.eye(self.HEIGHT, dtype=np.float32)[self.height % self.HEIGHT]
+
+
 def register() -> None:
     """Make the environments known to Gymnasium; a second call changes nothing."""
     if "Masked-v0" in gymnasium.registry:
@@ -182,6 +207,7 @@ def register() -> None:
     add("Poisoned-v0", Poisoned)
     add("Lottery-v0", Lottery)
     add("Recall-v0", Recall)
+    add("Stairs-v0", Stairs, max_episode_steps=30)
     add("Endless-v0", Constant)
     add("Truncated-v0", Constant, max_episode_steps=5)
     add("Terminated-v0", Constant, kwargs={"ends_after": 5})

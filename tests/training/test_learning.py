@@ -73,6 +73,15 @@ def test_only_a_memory_recalls(tmp_path: Path) -> None:
     assert recalled.evaluation["agent"].mean_return >= 0.95
 
 
+def test_only_curiosity_climbs_to_a_reward_that_chance_does_not_reach(tmp_path: Path) -> None:
+    ppo = {"rollout_steps": 32, "learning_rate": 3e-3}
+    plain = train(config("Stairs-v0", tmp_path, 20_000, **ppo))
+    assert plain.evaluation["agent"].mean_return == 0.0
+    curiosity = {"curiosity": 1.0, "curiosity_discount": 0.9}
+    curious = train(config("Stairs-v0", tmp_path, 60_000, **ppo, **curiosity))
+    assert curious.evaluation["agent"].mean_return == 1.0
+
+
 def value_of(target: str, share: float, tmp_path: Path) -> float:
     """Train with discount 0.9 and return the value of the observation ``share``."""
     settings = config(

@@ -128,9 +128,10 @@ def test_resume_replaces_a_corrupt_newest_checkpoint(
     assert newest(first.path).agent_steps == 640
 
 
-def test_exact_resume_equals_an_uninterrupted_run(small: Any) -> None:
-    schedule = {"learning_rate_schedule": "constant"}
-    config = small(exact_resume=True, checkpoint_every_updates=2, ppo=schedule, total_steps=768)
+@pytest.mark.parametrize("ppo", [{}, {"curiosity": 0.5}], ids=["plain", "curious"])
+def test_exact_resume_equals_an_uninterrupted_run(ppo: dict[str, Any], small: Any) -> None:
+    ppo = {"learning_rate_schedule": "constant", **ppo}
+    config = small(exact_resume=True, checkpoint_every_updates=2, ppo=ppo, total_steps=768)
     whole = train(replace(config, name="whole"))
     half = train(replace(config, name="half", total_steps=384))
     assert half.agent_steps == 384

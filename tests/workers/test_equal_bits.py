@@ -24,6 +24,7 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "ppo continuous": ("Identity-continuous-v0", {"ppo": PPOConfig(**PPO)}),
     "ppo overlap": ("Masked-v0", {"ppo": PPOConfig(**PPO, overlap=True)}),
     "ppo memory": ("Truncated-v0", {"ppo": PPOConfig(**PPO, memory_size=8, sequence_length=4)}),
+    "ppo curious": ("Truncated-v0", {"ppo": PPOConfig(**PPO, curiosity=0.5)}),
     "ppo raw": (
         "Truncated-v0", {"ppo": PPOConfig(**PPO, normalise_observation=False, target_kl=0.01)},
     ),

@@ -9,7 +9,8 @@ With ``overlap`` the gradient steps on one rollout are taken one by one while en
 next, which a copy of the network as it was before collects.
 
 Until a reward other than 0 has been seen, the critic's errors are all there is to the advantages,
-and normalised they look like any others. So the actor stays as it is until then.
+and normalised they look like any others. So the actor stays as it is until then, but for what
+``curiosity`` makes of it.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from ludus.algorithms.adam import Adam, learning_rate_at
+from ludus.algorithms.curiosity import Curiosity
 from ludus.algorithms.learner import NUM_SAMPLES, LearnerSettings, LearnerState, check_finite_losses
 from ludus.algorithms.losses import (
     approximate_kl,
@@ -85,6 +87,7 @@ class PPO:
         self._rollout = self.recorder.rollout
         num_agents = self._rollout.num_agents
         self._scaler = RewardScaler(num_agents, config.discount).to(self._device)
+        self._curiosity = Curiosity(policy, config, num_agents) if config.curiosity else None
         self._generator = torch.Generator(self._device).manual_seed(settings.seed)
         self._pending: Iterator[None] = iter(())
         self._steps_per_call = 0.0
@@ -103,7 +106,7 @@ class PPO:
 
     def begin(self, engine: int, batch: Batch) -> None:
         """Take the first observations of an engine that was reset; drops unfinished rollouts."""
-        self._scaler.forget()
+        self._forget_returns()
         self.recorder.begin(engine, batch)
 
     def act(self, engine: int) -> ActionBatch:
@@ -135,8 +138,13 @@ class PPO:
 
     def forget(self) -> None:
         """Note that every engine was reset elsewhere."""
-        self._scaler.forget()
+        self._forget_returns()
         self.recorder.forget()
+
+    def _forget_returns(self) -> None:
+        self._scaler.forget()
+        if self._curiosity is not None:
+            self._curiosity.forget()
 
     # --- learning -------------------------------------------------------------------------------
 
@@ -165,6 +173,8 @@ class PPO:
         if not self.config.overlap:
             self._finish()
             losses, self._losses = self._losses, {}
+        if self._curiosity is not None:
+            losses["novelty"] = self._curiosity.learn(self._learning_rate, self._generator)
         self._update_statistics()
         self.recorder.restart()
         losses["learning_rate"] = self._learning_rate
@@ -214,7 +224,8 @@ class PPO:
         """Move the parameters once; return ``LOSS_METRICS``."""
         config = self.config
         # Without a reward, the entropy term would widen a Gaussian without bound.
-        entropy_coefficient = config.entropy_coefficient if self._has_seen_reward else 0.0
+        has_signal = self._has_seen_reward or self._curiosity is not None
+        entropy_coefficient = config.entropy_coefficient if has_signal else 0.0
         self._optimiser.zero_gradients()
         if self._gradient is not None:
             advantage = self._normalised(batch.advantage)
@@ -327,6 +338,9 @@ class PPO:
         target = advantage + value
         if not self._has_seen_reward:
             advantage = torch.zeros_like(advantage)
+        if self._curiosity is not None:
+            bonus = self._curiosity.advantage(inputs, as_tensor(rollout.is_active, device))
+            advantage = torch.add(advantage, bonus, alpha=self.config.curiosity)
         transitions = Transitions(
             inputs.rows(slice(0, num_actions)), discrete, continuous, mask, log_prob,
             value.flatten(), advantage.flatten(), target.flatten(),
@@ -412,6 +426,8 @@ class PPO:
         }
         if self.config.overlap:
             parts["collector"] = self.recorder.policy.state_dict()
+        if self._curiosity is not None:
+            parts["curiosity"] = self._curiosity.state()
         tensors = join_names(parts, ".") | {"generator": self._generator.get_state()}
         copies = {name: value.detach().cpu().clone() for name, value in tensors.items()}
         values = {
@@ -434,6 +450,8 @@ class PPO:
                 self.recorder.policy, state.tensors, "collector." if is_saved else "policy."
             )
         self._optimiser.load_state(with_prefix(state.tensors, "optimiser."))
+        if self._curiosity is not None:
+            self._curiosity.load_state(with_prefix(state.tensors, "curiosity."))
         self._generator.set_state(state.tensors["generator"])
         self._losses = dict(state.values.get("losses", {}))
         self.recorder.number = int(state.values.get("rollouts", 0))

@@ -67,6 +67,7 @@ POLICY_METRICS: dict[str, str] = {
     "num_epochs": "PPO: passes over the rollout; fewer than epochs where target_kl stopped them.",
     "num_transitions": "PPO: transitions learnt from; those of inactive slots are left out.",
     "has_reward": "PPO: 1 once a reward other than 0 was seen; the actor waits for it.",
+    "novelty": "PPO with curiosity: mean error of what predicts features of observations.",
     "learning_rate": "Step size of the optimiser in this update.",
     "action_std": "PPO: mean deviation of continuous actions, where the bounds are -1 and 1.",
     "imitation_weight": "PPO: weight of the demonstrations' loss; with imitate only.",

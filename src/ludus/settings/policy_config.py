@@ -76,6 +76,9 @@ class PPOConfig(Settings):
         state_dependent_std: Let the network output the standard deviation of continuous actions;
             otherwise it is the same in every state.
         squash: Keep continuous actions inside their bounds with tanh; otherwise they are clipped.
+        curiosity: Weight of the reward for seeing something new (random network distillation); 0
+            for none.
+        curiosity_discount: Gamma of that reward, which does not end with an episode.
     """
 
     algorithm: Literal["ppo"] = "ppo"
@@ -105,6 +108,8 @@ class PPOConfig(Settings):
     initial_log_std: float = -0.5
     state_dependent_std: bool = False
     squash: bool = False
+    curiosity: float = setting(0.0, AT_LEAST_0)
+    curiosity_discount: float = setting(0.99, FROM_0_TO_1)
 
     def __post_init__(self) -> None:
         super().__post_init__()

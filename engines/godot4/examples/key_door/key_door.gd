@@ -29,6 +29,7 @@ const KEYBOARD: Dictionary[Key, Action] = {
 }
 ## The key shows its colour in this many observations.
 const NUM_COLOURED := 3
+## For the key, unless the world's parameter [code]key_reward[/code] says how much.
 const KEY_REWARD := 0.1
 const DOOR_REWARD := 0.9
 
@@ -140,7 +141,7 @@ func _enter(cell: Vector2i) -> void:
 	hero = cell
 	if cell == key and not has_key:
 		has_key = true
-		_reward = KEY_REWARD
+		_reward = float(_world.parameters.get("key_reward", KEY_REWARD))
 
 
 func _open(chosen: int) -> void:
