@@ -70,16 +70,11 @@ func _network_us(policy: LudusPolicy, num_agents: int, budget_us: int) -> float:
 	var slots := PackedInt32Array(range(num_agents))
 	var states := PackedVector4Array()
 	states.resize(num_agents * network.memory_blocks)
-	var vectors: Array[PackedFloat32Array] = []
-	var images: Array[PackedByteArray] = []
+	var observed: Array[PackedByteArray] = []
 	for entry: LudusObservationEntry in policy.reader().entries:
-		var bytes := _random_bytes(entry, num_agents)
-		if LudusPolicyReader.is_image(entry):
-			images.append(bytes)
-		else:
-			vectors.append(bytes.to_float32_array())
+		observed.append(_random_bytes(entry, num_agents))
 	var once := func() -> void:
-		network.run(slots, vectors, images, states)
+		network.run(slots, observed, states)
 		for slot: int in slots:
 			actions.choose(network.outputs, slot * network.num_outputs, slot, [], null)
 	return _measure(once, budget_us) / num_agents

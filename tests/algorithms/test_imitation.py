@@ -68,13 +68,14 @@ def test_a_clone_acts_as_it_was_shown(spec: PolicySpec, config: PPOConfig) -> No
         assert torch.equal(policy.head.log_std, before)
 
 
-def test_a_memory_carries_what_was_seen_over_the_sequences_it_is_cut_into() -> None:
+@pytest.mark.parametrize("settings", [{"memory_size": 16}, {"frame_stack": 7}], ids=str)
+def test_a_memory_or_frames_carry_what_was_seen_before(settings: dict[str, Any]) -> None:
     """Only the first of seven steps shows the answer; gradients go back four steps at most."""
     spec = spec_of(CHOICES[0])
     first = np.repeat(np.arange(EPISODES) % 3, LENGTH)
     given = shown(spec, first)
     given.observation["vector"][np.arange(len(first)) % LENGTH != 0] = 0.0
-    policy = Policy(spec, PPOConfig(hidden_sizes=(16,), memory_size=16))
+    policy = Policy(spec, PPOConfig(hidden_sizes=(16,), **settings))
     imitation = Imitation(policy, given, ImitationConfig(epochs=60, learning_rate=1e-2), 4)
     imitation.clone(policy, 0, lambda _: None)
     player, batch = Player(policy, EPISODES), Batch.allocate(spec, EPISODES)

@@ -69,6 +69,25 @@ def test_a_memory_goes_on_until_it_is_cleared(tmp_path: Path, kind: str) -> None
     assert np.allclose(policy.act(observations[0]), first[0], atol=1e-6)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_frames_are_kept_until_an_episode_ends(tmp_path: Path, kind: str) -> None:
+    run = trained(tmp_path, "gym:Identity-continuous-v0", frame_stack=3)
+    policy = loaded(run, kind)
+    low, high = -np.ones((2, 2), np.float32), np.ones((2, 2), np.float32)
+    alone = policy.act(high).copy()
+    policy.forget()
+    policy.act(low)
+    assert not np.allclose(policy.act(high), alone)
+    policy.forget(np.array([True, False]))
+    third = policy.act(high)
+    assert np.allclose(third[0], alone[0])
+    assert not np.allclose(third[1], alone[1])
+    with pytest.raises(UsageError, match="remembers 2 agents, but 1 act now"):
+        policy.act(low[0])
+    policy.forget()
+    assert np.allclose(policy.act(high[0]), alone[0], atol=1e-6)
+
+
 @pytest.mark.parametrize("kind", ["run", ".ludus.json"])
 def test_drawn_actions_differ_and_masks_hold(tmp_path: Path, kind: str) -> None:
     policy = loaded(trained(tmp_path, "gym:Masked-v0"), kind)

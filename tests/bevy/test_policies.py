@@ -214,10 +214,11 @@ def measure(policy: Policy, folder: Path, game: BevyGame) -> ParityReport:
         ("simple", PPOConfig(hidden_sizes=(64, 64))),
         ("mixed", PPOConfig(hidden_sizes=(16, 7), activation="elu", squash=True)),
         ("mixed", PPOConfig(hidden_sizes=(9,), memory_size=6, state_dependent_std=True)),
+        ("mixed", PPOConfig(hidden_sizes=(9,), memory_size=5, frame_stack=3)),
         ("mixed", SACConfig(hidden_sizes=(16,), activation="silu", normalise_observation=False)),
         ("atari", PPOConfig(hidden_sizes=(16,), activation="relu")),
     ],
-    ids=["simple", "mixed", "memory", "sac", "atari"],
+    ids=["simple", "mixed", "memory", "frames", "sac", "atari"],
 )
 def test_bevy_computes_the_same(
     policy: str, config: PolicyConfig, executable: Path, tmp_path: Path

@@ -27,6 +27,7 @@ from tests.export.trained_runs import MIXED, SIMPLE, make_policy
 VARIANTS: dict[str, dict[str, Any]] = {
     "plain": {},
     "memory": {"memory_size": 8},
+    "frames": {"frame_stack": 3},
     "state_dependent": {"state_dependent_std": True},
     "squashed": {"squash": True},
     "all": {"memory_size": 5, "state_dependent_std": True, "squash": True},

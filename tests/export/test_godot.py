@@ -63,10 +63,11 @@ def measure(policy: Policy, folder: Path, engine: InstalledEngine) -> ParityRepo
         (SIMPLE, PPOConfig(hidden_sizes=(64, 64))),
         (MIXED, PPOConfig(hidden_sizes=(16, 7), activation="elu", squash=True)),
         (MIXED, PPOConfig(hidden_sizes=(9,), memory_size=7, state_dependent_std=True)),
+        (MIXED, PPOConfig(hidden_sizes=(9,), memory_size=5, frame_stack=3)),
         (MIXED, SACConfig(hidden_sizes=(16,), activation="silu", normalise_observation=False)),
         (ATARI, PPOConfig(hidden_sizes=(16,), activation="relu")),
     ],
-    ids=["simple", "mixed", "memory", "sac", "atari"],
+    ids=["simple", "mixed", "memory", "frames", "sac", "atari"],
 )
 def test_godot_computes_the_same(
     spec: PolicySpec, config: PolicyConfig, godot: InstalledEngine, tmp_path: Path

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ludus.model import ModelRunner, PolicyModel, write_model
+from ludus.model.frame_stack import FrameStack
 from tests.model.models import MODELS
 
 FOLDER = Path(__file__).resolve().parents[2] / "protocol" / "golden" / "policies"
@@ -60,13 +61,15 @@ def make_cases(model: PolicyModel) -> dict[str, Any]:
     rng = np.random.default_rng(99)
     runner = ModelRunner(model)
     memory = np.zeros((NUM_AGENTS, runner.memory_size), np.float32)
+    stack = FrameStack(model.observation, model.frames, NUM_AGENTS)
     steps: list[dict[str, Any]] = []
     for begins in BEGINS:
         memory[begins] = 0.0
         observation, mask = draw_observation(model, rng), draw_mask(model, rng)
         before = memory if runner.memory_size else None
-        outputs, _ = runner.outputs(observation, before)
-        actions, after = runner.act(observation, mask, before)
+        seen = stack.push(observation, np.isin(np.arange(NUM_AGENTS), begins))
+        outputs, _ = runner.outputs(seen, before)
+        actions, after = runner.act(seen, mask, before)
         memory = memory if after is None else after
         steps.append(
             {

@@ -74,6 +74,7 @@ def model(
     images: tuple[ImageNetwork, ...] = (),
     memory: Gru | None = None,
     has_action_mask: bool = False,
+    frames: int = 1,
 ) -> PolicyModel:
     made = PolicyModel(
         policy=name,
@@ -86,6 +87,7 @@ def model(
         memory=memory,
         layers=layers,
         distribution=distribution,
+        frames=frames,
     )
     return replace(made, fingerprint=made.spec.fingerprint())
 
@@ -196,6 +198,28 @@ def cameras_with_memory() -> PolicyModel:
     )
 
 
+def frames() -> PolicyModel:
+    """The last three observations: two numbers, a table of bytes, an image of two frames."""
+    weights = Weights(15)
+    eye = ImageNetwork(
+        "eye", (weights.convolution(6, 4, 3, stride=2),), weights.linear(4 * 2 * 2, 5, "relu")
+    )
+    return model(
+        "frames",
+        [
+            entry("speed", 2),
+            entry("eye", 2, 5, 6, 1, dtype="uint8"),
+            entry("table", 2, 2, dtype="uint8"),
+        ],
+        [DiscreteAction("turn", 3)],
+        weights.perceptron((23, 8, 3), "tanh"),
+        log_stds(),
+        weights.normalisation(18),
+        images=(eye,),
+        frames=3,
+    )
+
+
 MODELS: dict[str, Callable[[], PolicyModel]] = {
     "perceptron_none": lambda: perceptron("none"),
     "perceptron_tanh": lambda: perceptron("tanh"),
@@ -207,4 +231,5 @@ MODELS: dict[str, Callable[[], PolicyModel]] = {
     "gru": gru,
     "camera": camera,
     "cameras_with_memory": cameras_with_memory,
+    "frames": frames,
 }

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ludus.model import ModelRunner, PolicyModel, read_model
+from ludus.model.frame_stack import FrameStack
 from ludus.model.json_file import to_json
 from tests.model.golden import FOLDER, cases_path, model_path, read_cases
 from tests.model.models import MODELS
@@ -29,11 +30,15 @@ def test_the_file_holds_the_model(name: str) -> None:
 def test_numpy_computes_the_golden_cases(name: str) -> None:
     model = read_model(model_path(name))
     runner, cases = ModelRunner(model), read_cases(name)
-    memory = np.zeros((cases["num_agents"], runner.memory_size), np.float32)
+    num_agents = cases["num_agents"]
+    memory = np.zeros((num_agents, runner.memory_size), np.float32)
+    stack = FrameStack(model.observation, model.frames, num_agents)
     for step in cases["steps"]:
-        memory[step["begins"]] = 0.0
+        begins: list[int] = step["begins"]
+        memory[begins] = 0.0
         before = memory if runner.memory_size else None
         observation, mask = inputs(model, step)
+        observation = stack.push(observation, np.isin(np.arange(num_agents), begins))
         outputs, _ = runner.outputs(observation, before)
         np.testing.assert_allclose(outputs, step["outputs"], atol=2e-6)
         actions, after = runner.act(observation, mask, before)

@@ -12,6 +12,7 @@ from torch.nn import functional
 
 from ludus.errors import UsageError
 from ludus.model import ModelRunner, PolicyModel
+from ludus.model.frame_stack import FrameStack
 from ludus.model.policy_model import Activation, Gru, ImageNetwork, Linear
 from ludus.networks.tensors import as_tensor
 from tests.model.golden import NUM_AGENTS, draw_mask, draw_observation
@@ -79,10 +80,11 @@ def reference(
 def test_outputs_are_those_of_torch(name: str) -> None:
     model = MODELS[name]()
     runner, rng = ModelRunner(model), np.random.default_rng(3)
+    stack = FrameStack(model.observation, model.frames, NUM_AGENTS)
     memory: NDArray[np.float32] | None = None
     state: torch.Tensor | None = None
     for _ in range(4):
-        observation = draw_observation(model, rng)
+        observation = stack.push(draw_observation(model, rng), np.zeros(NUM_AGENTS, np.bool_))
         outputs, memory = runner.outputs(observation, memory)
         expected, state = reference(model, observation, state)
         assert outputs.dtype == np.float32 and outputs.std() > 0.1

@@ -48,6 +48,7 @@ CONFIGS = {
     "choice": (SIMPLE, SMALL),
     "mixed": (MIXED, SMALL),
     "memory": (MIXED, dataclasses.replace(SMALL, memory_size=6)),
+    "frames": (MIXED, dataclasses.replace(SMALL, frame_stack=3)),
     "own deviation": (MIXED, dataclasses.replace(SMALL, state_dependent_std=True)),
     "squashed": (MIXED, dataclasses.replace(SMALL, squash=True)),
 }

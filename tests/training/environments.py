@@ -170,6 +170,33 @@ class Recall(gymnasium.Env[Any, Any]):
         return np.asarray([0, 0, 0, 0, self.left == 1], np.float32), reward, is_over, False, {}
 
 
+class Direction(gymnasium.Env[Any, Any]):
+    """A point that moves up or down; naming which pays, and only two places together show it."""
+
+    def __init__(self) -> None:
+        self.observation_space = spaces.Box(-4.0, 4.0, (1,), np.float32)
+        self.action_space = spaces.Discrete(2)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        super().reset(seed=seed)
+        self.place, self.steps = self.np_random.uniform(-1, 1), 0
+        self._move()
+        return np.asarray([self.place], np.float32), {}
+
+    def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        # In the first step nothing shows it.
+        reward = float(action == self.is_up) if self.steps else 0.0
+        self.steps += 1
+        self._move()
+        return np.asarray([self.place], np.float32), reward, self.steps == 5, False, {}
+
+    def _move(self) -> None:
+        self.is_up = int(self.np_random.integers(2))
+        self.place += 0.3 if self.is_up else -0.3
+
+
 class Stairs(gymnasium.Env[Any, Any]):
     """Only the last of eight stairs pays; one action climbs each, others lead back to the floor."""
 
@@ -207,6 +234,7 @@ def register() -> None:
     add("Poisoned-v0", Poisoned)
     add("Lottery-v0", Lottery)
     add("Recall-v0", Recall)
+    add("Direction-v0", Direction)
     add("Stairs-v0", Stairs, max_episode_steps=30)
     add("Endless-v0", Constant)
     add("Truncated-v0", Constant, max_episode_steps=5)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import torch
 from ludus.networks.networks import perceptron
 from ludus.networks.tensors import load_tensors
 from ludus.runs.run_folder import RunFolder
-from ludus.settings.train_config import PPOConfig, TrainConfig
+from ludus.settings.train_config import PPOConfig, SACConfig, TrainConfig
 from ludus.training.loop import train
 
 pytestmark = pytest.mark.slow
@@ -71,6 +72,22 @@ def test_only_a_memory_recalls(tmp_path: Path) -> None:
     memory = {"memory_size": 16, "sequence_length": 8}
     recalled = train(config("Recall-v0", tmp_path, 30_000, **ppo, **memory))
     assert recalled.evaluation["agent"].mean_return >= 0.95
+
+
+@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+def test_only_several_frames_show_what_moves(algorithm: str, tmp_path: Path) -> None:
+    """Of an episode of five steps four pay; without the frame before, half of those at best."""
+    for frame_stack, low, high in ((1, 1.0, 2.8), (2, 3.6, 4.0)):
+        settings: dict[str, Any] = {"frame_stack": frame_stack, "learning_rate": 3e-3}
+        if algorithm == "sac":
+            made = config("Direction-v0", tmp_path, 6_000)
+            sac = SACConfig(
+                **settings, hidden_sizes=(32, 32), learning_starts=200, updates_per_step=2.0
+            )
+            made = replace(made, algorithm="sac", sac=sac)
+        else:
+            made = config("Direction-v0", tmp_path, 12_000, **settings)
+        assert low <= train(made).evaluation["agent"].mean_return <= high
 
 
 def test_only_curiosity_climbs_to_a_reward_that_chance_does_not_reach(tmp_path: Path) -> None:

@@ -128,7 +128,7 @@ def test_resume_replaces_a_corrupt_newest_checkpoint(
     assert newest(first.path).agent_steps == 640
 
 
-@pytest.mark.parametrize("ppo", [{}, {"curiosity": 0.5}], ids=["plain", "curious"])
+@pytest.mark.parametrize("ppo", [{}, {"curiosity": 0.5}, {"frame_stack": 3}], ids=str)
 def test_exact_resume_equals_an_uninterrupted_run(ppo: dict[str, Any], small: Any) -> None:
     ppo = {"learning_rate_schedule": "constant", **ppo}
     config = small(exact_resume=True, checkpoint_every_updates=2, ppo=ppo, total_steps=768)

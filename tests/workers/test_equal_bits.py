@@ -25,11 +25,15 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
     "ppo overlap": ("Masked-v0", {"ppo": PPOConfig(**PPO, overlap=True)}),
     "ppo memory": ("Truncated-v0", {"ppo": PPOConfig(**PPO, memory_size=8, sequence_length=4)}),
     "ppo curious": ("Truncated-v0", {"ppo": PPOConfig(**PPO, curiosity=0.5)}),
+    "ppo frames": ("Truncated-v0", {"ppo": PPOConfig(**PPO, frame_stack=3)}),
     "ppo raw": (
         "Truncated-v0", {"ppo": PPOConfig(**PPO, normalise_observation=False, target_kl=0.01)},
     ),
     "sac": ("Identity-continuous-v0", {"algorithm": "sac", "sac": SACConfig(**SAC)}),
     "sac discrete": ("Masked-v0", {"algorithm": "sac", "sac": SACConfig(**SAC)}),
+    "sac frames": (
+        "Truncated-v0", {"algorithm": "sac", "sac": SACConfig(**SAC, frame_stack=3)},
+    ),
     "sac truncated": (
         "Truncated-v0", {"algorithm": "sac", "sac": SACConfig(**SAC, sync_steps=4)},
     ),

@@ -38,21 +38,17 @@ static func names(folder: String) -> Array:
 	return found
 
 
-## The numbers of all vector entries in a case, in order.
-func vectors(step: int) -> Array:
+## What the network takes in a case: the numbers of all vector entries, in order, or the bytes of
+## all image entries.
+func observed(step: int, frames: LudusPolicyFrames, are_images: bool) -> Array:
 	var found := []
-	for entry in policy.reader().entries:
-		if not LudusPolicyReader.is_image(entry):
-			found.append(flat(steps[step]["observation"][entry.name]))
-	return found
-
-
-## The bytes of all image entries in a case, in order.
-func images(step: int) -> Array:
-	var found := []
-	for entry in policy.reader().entries:
-		if LudusPolicyReader.is_image(entry):
-			found.append(PoolByteArray(flat(steps[step]["observation"][entry.name])))
+	for i in policy.reader().entries.size():
+		var entry: Resource = policy.reader().entries[i]
+		if LudusPolicyReader.is_image(entry) == are_images:
+			var numbers = flat(steps[step]["observation"][entry.name])
+			if are_images:
+				numbers = PoolByteArray(numbers)
+			found.append(frames.push(i, numbers, entry.size()))
 	return found
 
 

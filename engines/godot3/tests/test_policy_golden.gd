@@ -43,18 +43,24 @@ func _play(golden: GoldenPolicy, groups: Array) -> void:
 	var network := golden.policy.network()
 	var actions := LudusPolicyActions.new(golden.policy.reader())
 	actions.reserve(golden.num_agents)
+	var frames := LudusPolicyFrames.new(golden.policy.reader().frames)
+	frames.reserve(golden.num_agents)
 	var states := []
 	states.resize(golden.num_agents * network.memory_blocks)
 	for step in golden.steps.size():
 		var case: Dictionary = golden.steps[step]
 		for slot in case["begins"]:
+			frames.begin(slot)
 			for i in network.memory_blocks:
 				states[slot * network.memory_blocks + i] = Vector3.ZERO
 		var masks := PoolByteArray()
 		if case["action_mask"] != null:
 			masks = PoolByteArray(GoldenPolicy.flat(case["action_mask"]))
+		var vectors := golden.observed(step, frames, false)
+		var images := golden.observed(step, frames, true)
+		frames.end_step(range(golden.num_agents))
 		for slots in groups:
-			network.run(slots, golden.vectors(step), golden.images(step), states)
+			network.run(slots, vectors, images, states)
 			for row in slots.size():
 				var from: int = row * network.num_outputs
 				actions.choose(network.outputs, from, slots[row], masks, null)

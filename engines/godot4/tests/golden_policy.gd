@@ -1,8 +1,6 @@
 extends RefCounted
 ## One golden policy of [code]protocol/golden/policies[/code] with its cases (POLICY.md §6).
 
-const LudusPolicyReader := preload("res://addons/ludus/policy/policy_reader.gd")
-
 ## File name without suffix.
 var name: String
 ## The policy.
@@ -34,21 +32,18 @@ static func names(folder: String) -> PackedStringArray:
 	return found
 
 
-## The numbers of all vector entries in a case, in order.
-func vectors(step: int) -> Array[PackedFloat32Array]:
-	var found: Array[PackedFloat32Array] = []
-	for entry: LudusObservationEntry in policy.reader().entries:
-		if not LudusPolicyReader.is_image(entry):
-			found.append(floats(steps[step]["observation"][entry.name]))
-	return found
-
-
-## The bytes of all image entries in a case, in order.
-func images(step: int) -> Array[PackedByteArray]:
+## The bytes of all entries in a case, in order.
+func observed(step: int) -> Array[PackedByteArray]:
 	var found: Array[PackedByteArray] = []
 	for entry: LudusObservationEntry in policy.reader().entries:
-		if LudusPolicyReader.is_image(entry):
-			found.append(PackedByteArray(Array(floats(steps[step]["observation"][entry.name]))))
+		var numbers := floats(steps[step]["observation"][entry.name])
+		match entry.dtype:
+			LudusObservationEntry.DType.UINT8:
+				found.append(PackedByteArray(Array(numbers)))
+			LudusObservationEntry.DType.INT64:
+				found.append(PackedInt64Array(Array(numbers)).to_byte_array())
+			_:
+				found.append(numbers.to_byte_array())
 	return found
 
 

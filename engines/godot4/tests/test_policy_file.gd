@@ -51,7 +51,10 @@ func test_a_missing_field_is_named() -> void:
 		var content := _content("gru")
 		content.erase(key)
 		var error := LudusPolicyReader.new(content).error
-		check(error.begins_with(key + ": missing"), "%s: %s" % [key, error])
+		if key == "frames":
+			equal(error, "", "files from before there were frames")
+		else:
+			check(error.begins_with(key + ": missing"), "%s: %s" % [key, error])
 
 
 func test_mistakes_in_convolutions_are_named() -> void:

@@ -2,6 +2,7 @@ extends "ludus_test.gd"
 ## GDScript computes what the golden policies say.
 
 const LudusPolicyActions := preload("res://addons/ludus/policy/policy_actions.gd")
+const LudusPolicyFrames := preload("res://addons/ludus/policy/policy_frames.gd")
 
 const GoldenPolicy := preload("golden_policy.gd")
 
@@ -46,18 +47,23 @@ func _play(golden: GoldenPolicy, groups: Array[PackedInt32Array]) -> void:
 	var network := golden.policy.network()
 	var actions := LudusPolicyActions.new(golden.policy.reader())
 	actions.reserve(golden.num_agents)
+	var frames := LudusPolicyFrames.new(golden.policy.reader())
+	frames.reserve(golden.num_agents)
 	var states := PackedVector4Array()
 	states.resize(golden.num_agents * network.memory_blocks)
 	for step: int in golden.steps.size():
 		var case: Dictionary = golden.steps[step]
 		for slot: int in case["begins"]:
+			frames.begin(slot)
 			for i: int in network.memory_blocks:
 				states[slot * network.memory_blocks + i] = Vector4.ZERO
 		var masks := PackedByteArray()
 		if case["action_mask"] != null:
 			masks = PackedByteArray(Array(GoldenPolicy.floats(case["action_mask"])))
+		var all := PackedInt32Array(range(golden.num_agents))
+		var observed := frames.push(golden.observed(step), all)
 		for slots: PackedInt32Array in groups:
-			network.run(slots, golden.vectors(step), golden.images(step), states)
+			network.run(slots, observed, states)
 			for row: int in slots.size():
 				var from := row * network.num_outputs
 				actions.choose(network.outputs, from, slots[row], masks, null)

@@ -12,6 +12,7 @@ func test_settings_of_ppo() -> void:
 	settings.activation = LudusPolicySettings.Activation.SILU
 	settings.mode = LudusPolicySettings.Mode.FROZEN
 	settings.hidden_sizes = [32, 16]
+	settings.frame_stack = 4
 	settings.memory_size = 0
 	settings.entropy_coefficient = 0.0
 	settings.batch_size = 99
@@ -22,6 +23,7 @@ func test_settings_of_ppo() -> void:
 			"mode": "frozen",
 			"activation": "silu",
 			"hidden_sizes": [32, 16],
+			"frame_stack": 4,
 			"memory_size": 0,
 			"entropy_coefficient": 0.0,
 		},

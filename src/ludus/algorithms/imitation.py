@@ -12,7 +12,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from ludus.algorithms.adam import Adam
@@ -81,7 +83,7 @@ class Imitation:
         self._config = config
         self._demonstrations = demonstrations
         device = policy.device
-        self._observation = as_tensors(demonstrations.observation, device)
+        self._observation = as_tensors(_stacked(policy, demonstrations), device)
         self._discrete = as_tensor(demonstrations.actions.discrete, device)
         continuous = as_tensor(demonstrations.actions.continuous, device)
         self._continuous = policy.head.from_bounds(continuous)
@@ -198,3 +200,17 @@ class Imitation:
         steps = torch.arange(num_parts * self._sequence_length, device=device).unsqueeze(1)
         is_valid = steps < lengths
         return (steps + lengths.cumsum(0) - lengths) * is_valid, is_valid
+
+
+def _stacked(policy: Policy, demonstrations: Demonstrations) -> dict[str, NDArray[Any]]:
+    """Return all frames that the policy looks at in each step, ``dtype[n, *shape]`` per entry."""
+    if policy.num_frames == 1:
+        return demonstrations.observation
+    lengths = np.asarray(demonstrations.lengths)
+    first = np.repeat(lengths.cumsum() - lengths, lengths)
+    back = np.arange(1 - policy.num_frames, 1)
+    steps = np.maximum(np.arange(len(first))[:, None] + back, first[:, None])
+    return {
+        entry.name: demonstrations.observation[entry.name][steps].reshape(-1, *entry.shape)
+        for entry in policy.input_spec.observation
+    }

@@ -35,7 +35,7 @@ class PPORecorder:
 
     def __init__(self, policy: Policy, config: PPOConfig, settings: LearnerSettings) -> None:
         self.policy = policy
-        self.rollout = Rollout(policy.spec, config.rollout_steps, settings.engine_rows)
+        self.rollout = Rollout(policy.input_spec, config.rollout_steps, settings.engine_rows)
         self.number = 0
         self.is_exploring = False
         self.steps = [0] * len(settings.engine_rows)
@@ -46,6 +46,7 @@ class PPORecorder:
         self._noise = [self._make_noise(rows) for rows in self._rows]
         # Views made beforehand, so that nothing is indexed while stepping.
         self._step_noise = [list(noise) for noise in self._noise]
+        self._frames = [policy.make_frame_stack(rows.stop - rows.start) for rows in self._rows]
         num_agents = self.rollout.num_agents
         self._memory = torch.zeros(num_agents, policy.memory_size, device=self._device)
         self.first_memory = self._memory.clone()
@@ -67,7 +68,8 @@ class PPORecorder:
         self.rollout.forget()
         self._memory[self._rows[engine]] = 0.0
         self.first_memory.copy_(self._memory)
-        self.rollout.views[engine][0].write_state(batch)
+        self._frames[engine].forget()
+        self.rollout.views[engine][0].write_state(self._frames[engine].push_batch(batch))
 
     @torch.inference_mode()
     def act(self, engine: int) -> ActionBatch:
@@ -99,7 +101,7 @@ class PPORecorder:
 
     def record(self, engine: int, batch: Batch) -> None:
         """Take the outcome of the last actions, and the observations to act on next."""
-        step = self.steps[engine]
+        step, batch = self.steps[engine], self._frames[engine].push_batch(batch)
         views = self.rollout.views[engine]
         views[step].write_outcome(batch)
         views[step + 1].write_state(batch)

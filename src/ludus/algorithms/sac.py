@@ -118,7 +118,7 @@ class SAC:
         self._build_networks(settings)
         self._build_temperature()
         self._learning_rate = config.learning_rate
-        self._replay = Replay(policy.spec, config.replay_capacity)
+        self._replay = Replay(policy.input_spec, config.replay_capacity)
         acting = copy.deepcopy(policy) if config.sync_steps > 1 else policy
         self.recorder = SACRecorder(acting, settings, self._store)
         self._is_up_to_date = False

@@ -58,14 +58,17 @@ class SACRecorder:
         self._kept: list[dict[str, NDArray[Any]]] = []
         self._device = policy.device
         self._last = [
-            SlotState.allocate(policy.spec, rows.stop - rows.start) for rows in settings.engine_rows
+            SlotState.allocate(policy.input_spec, rows.stop - rows.start)
+            for rows in settings.engine_rows
         ]
+        self._frames = [policy.make_frame_stack(len(last.is_active)) for last in self._last]
         self._generators = [torch.Generator(self._device) for _ in self._last]
 
     def begin(self, engine: int, batch: Batch) -> None:
         """Take the first observations of an engine that was reset."""
         self._restart(engine)
-        self._last[engine].write_state(batch)
+        self._frames[engine].forget()
+        self._last[engine].write_state(self._frames[engine].push_batch(batch))
 
     def restart(self) -> None:
         """Note that an update was made; one without any steps before it does not count."""
@@ -111,7 +114,7 @@ class SACRecorder:
 
     def record(self, engine: int, batch: Batch) -> None:
         """Take the outcome of the last actions, and the observations to act on next."""
-        last = self._last[engine]
+        last, batch = self._last[engine], self._frames[engine].push_batch(batch)
         self._store(engine, transitions(last, batch))
         last.write_state(batch)
         self.steps[engine] += 1

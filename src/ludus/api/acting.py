@@ -14,6 +14,7 @@ from ludus.arguments import check_arguments
 from ludus.errors import ConfigError, UsageError
 from ludus.libraries.seeds import check_seed
 from ludus.model import ModelRunner, read_model
+from ludus.model.frame_stack import FrameStack
 from ludus.networks.own_network import MakeNetwork
 from ludus.spec import PolicySpec
 from ludus.spec.batch import ActionBatch
@@ -32,7 +33,13 @@ ONNX = ".onnx"
 
 
 class Runner(Protocol):
-    """Computes actions; :class:`~ludus.model.ModelRunner` is one."""
+    """Computes actions; :class:`~ludus.model.ModelRunner` is one.
+
+    Attributes:
+        num_frames: How many observations it takes together.
+    """
+
+    num_frames: int
 
     def act(
         self,
@@ -63,12 +70,14 @@ class LoadedPolicy:
         self._runner = runner
         self._generator = np.random.default_rng(seed)
         self._memory: NDArray[np.float32] | None = None
+        self._frames: FrameStack | None = None
+        self._is_first = np.ones(0, np.bool_)
 
     def act(self, observation: Any, *, action_mask: Any = None, stochastic: bool = False) -> Any:
         """Return the action for an observation, or the actions for a batch of ``n``.
 
-        A policy with a memory goes on from its last call. Call :meth:`forget` where an episode
-        begins.
+        A policy with a memory, or one that sees several frames, goes on from its last call. Call
+        :meth:`forget` where an episode begins.
 
         Args:
             observation: Of ``observation_space``, or ``n`` of them in arrays with one more axis in
@@ -86,11 +95,18 @@ class LoadedPolicy:
         """
         entries, is_single = self._entries(observation)
         num = len(next(iter(entries.values())))
-        if self._memory is not None and len(self._memory) != num:
-            raise UsageError(
-                f"policy {self.name} remembers {len(self._memory)} agents, but {num} act now",
-                "call policy.forget() before a batch of another size",
-            )
+        if len(self._is_first) != num:
+            if self._memory is not None or self._frames is not None:
+                raise UsageError(
+                    f"policy {self.name} remembers {len(self._is_first)} agents, but {num} act now",
+                    "call policy.forget() before a batch of another size",
+                )
+            self._is_first = np.ones(num, np.bool_)
+        if self._runner.num_frames > 1:
+            if self._frames is None:
+                self._frames = FrameStack(self.spec.observation, self._runner.num_frames, num)
+            entries = self._frames.push(entries, self._is_first)
+            self._is_first[...] = False
         mask = None if action_mask is None else np.asarray(action_mask, np.bool_).reshape(num, -1)
         generator = self._generator if stochastic else None
         batch, self._memory = self._runner.act(entries, mask, self._memory, generator)
@@ -103,15 +119,20 @@ class LoadedPolicy:
         return actions[0]
 
     def forget(self, ended: Any = None) -> None:
-        """Clear the memory where episodes have ended; does nothing without a memory.
+        """Forget what was seen where episodes have ended.
 
         Args:
             ended: ``bool[n]``, such as ``terminated | truncated``; None clears all.
         """
         if ended is None:
-            self._memory = None
-        elif self._memory is not None:
-            self._memory[np.asarray(ended, np.bool_)] = 0.0
+            self._memory = self._frames = None
+            self._is_first = np.ones(0, np.bool_)
+            return
+        has_ended = np.asarray(ended, np.bool_)
+        if self._memory is not None:
+            self._memory[has_ended] = 0.0
+        if self._frames is not None:
+            self._is_first[has_ended] = True
 
     def _entries(self, observation: Any) -> tuple[dict[str, NDArray[Any]], bool]:
         """Return a batch of every entry, and whether there was only one observation."""

@@ -25,10 +25,15 @@ Memory = NDArray[np.float32] | None
 
 
 class NetworkRunner:
-    """Asks a network of PyTorch, as :class:`~ludus.model.ModelRunner` asks a policy file."""
+    """Asks a network of PyTorch, as :class:`~ludus.model.ModelRunner` asks a policy file.
+
+    Attributes:
+        num_frames: How many observations it takes together.
+    """
 
     def __init__(self, policy: Policy) -> None:
         self._policy = policy
+        self.num_frames = policy.num_frames
 
     @torch.inference_mode()
     def act(
@@ -63,6 +68,7 @@ class OnnxRunner:
 
     Attributes:
         spec: What the policy observes and does.
+        num_frames: How many observations it takes together.
 
     Raises:
         PolicyFileError: The file cannot be read, or was not exported by Ludus.
@@ -80,6 +86,7 @@ class OnnxRunner:
             named = {"name": metadata["policy"], "episode": "agent"}
             unsaid: dict[str, Any] = {"max_episode_steps": None, "settings": {}}
             self.spec = spec_from_json({**named, **unsaid, **values})
+            self.num_frames = int(values.get("frames", 1))
         except Exception as error:  # ONNX Runtime's own errors have no common base
             raise PolicyFileError(
                 f"{path} is not a policy that Ludus has exported: {type(error).__name__}: {error}",

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import cast
 
 from ludus.check.recording import Recording, record
-from ludus.engine.kinds import EngineKind
+from ludus.check.scripts import Script, find_scripts
 from ludus.errors import EngineError, UsageError
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.session import EngineSession, LaunchOptions
@@ -119,15 +119,11 @@ class CheckContext:
         with open_pool(self._target, PoolConfig.of(config)) as pool:
             yield pool
 
-    def scripts(self) -> Iterator[tuple[str, str]]:
-        """Yield path and text of each script of a Godot 4 project; of other games nothing."""
+    @cached_property
+    def scripts(self) -> tuple[Script, ...]:
+        """The scripts of the scene, if the target is one of a Godot project; else none."""
         game = self._target
-        if not isinstance(game, Scene) or game.project.engine_kind is not EngineKind.GODOT4:
-            return
-        for file in sorted(game.project.root.rglob("*.gd")):
-            path = file.relative_to(game.project.root)
-            if path.parts[0] != "addons":
-                yield f"res://{path.as_posix()}", file.read_text("utf-8", errors="replace")
+        return find_scripts(game.project.root, game.path) if isinstance(game, Scene) else ()
 
     def close(self) -> None:
         """End the shared engine; may be called twice."""

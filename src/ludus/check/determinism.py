@@ -6,6 +6,7 @@ import hashlib
 import json
 from typing import Any
 
+from ludus.check.causes import name_causes
 from ludus.check.context import CheckContext
 from ludus.check.difference import first_difference
 from ludus.check.finding import Finding, fail, ok
@@ -15,6 +16,10 @@ __all__ = ["certificate", "check_determinism"]
 
 FORMAT = 1
 """Raised by one whenever recordings or random actions change."""
+HINT = (
+    "use LudusWorld.rng and _physics_process() only: no randf(), no Time, no Timer on the real "
+    "clock, no _process(), no order of a Dictionary with nodes as keys"
+)
 
 
 def check_determinism(context: CheckContext) -> list[Finding]:
@@ -29,8 +34,7 @@ def check_determinism(context: CheckContext) -> list[Finding]:
             fail(
                 title,
                 f"first difference: {found.describe('first process', 'second process')}",
-                "use LudusWorld.rng and _physics_process() only: no randf(), no Time, no Timer on "
-                "the real clock, no _process(), no order of a Dictionary with nodes as keys",
+                name_causes(context.scripts, HINT),
                 **found.to_json(),
             )
         ]

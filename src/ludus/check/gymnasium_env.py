@@ -7,6 +7,7 @@ import warnings
 
 from gymnasium.utils.env_checker import check_env
 
+from ludus.check.causes import name_causes
 from ludus.check.context import CheckContext
 from ludus.check.finding import Finding, fail, info, ok, warn
 from ludus.libraries import LudusEnv
@@ -18,9 +19,9 @@ TITLE = "gymnasium.utils.env_checker.check_env"
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 _REPORTED_ELSEWHERE = ("infinity", "alternative render modes")
 """Bounds are in the observation report; a game renders itself, and needs a screen for that."""
-_FORMAT_HINT = (
-    "follow the advice of the lines on seeds and observations first; otherwise it is a defect of "
-    "Ludus"
+_HINT = (
+    "follow the advice of the lines on seeds and observations; if they are ok, please report it "
+    "with the scene"
 )
 
 
@@ -37,7 +38,7 @@ def check_gymnasium(context: CheckContext) -> list[Finding]:
             warnings.simplefilter("always")
             check_env(LudusEnv(pool), skip_close_check=True)
     except AssertionError as error:
-        return [fail(TITLE, _plain(str(error)), _FORMAT_HINT)]
+        return [fail(TITLE, _plain(str(error)), name_causes(context.scripts, _HINT))]
     texts = [_plain(str(warning.message)) for warning in caught]
     texts = [text for text in texts if not any(part in text for part in _REPORTED_ELSEWHERE)]
     return [ok(TITLE), *(warn("Gymnasium warns", text) for text in dict.fromkeys(texts))]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 
+from ludus.check.causes import name_causes
 from ludus.check.context import CheckContext
 from ludus.check.episodes import Comparison, Verdict, compare_episodes
 from ludus.check.finding import Finding, fail, info, ok
@@ -45,16 +46,17 @@ def check_layouts(context: CheckContext) -> list[Finding]:
         )
         speeds = _agent_steps_per_s([pools[layout] for layout in LAYOUTS], context)
     comparison = compare_episodes(isolated, grid)
-    return [_verdict(comparison, grid, own), _speed(*speeds, num, comparison, own)]
+    return [_verdict(comparison, grid, context), _speed(*speeds, num, comparison, own)]
 
 
-def _verdict(comparison: Comparison, grid: Recording, own: str) -> Finding:
+def _verdict(comparison: Comparison, grid: Recording, context: CheckContext) -> Finding:
     detail = f"{grid.spec.num_worlds} worlds, {grid.num_steps} steps: {comparison.describe()}"
     if comparison.verdict is not Verdict.DIFFERENT:
         return ok(TITLE, detail, **comparison.to_json())
-    if own == "grid":
-        return fail(TITLE, detail, GRID_HINT, **comparison.to_json())
-    hint = f"stay isolated; or {GRID_HINT}"
+    if context.spec.layout == "grid":
+        hint = name_causes(context.scripts, GRID_HINT)
+        return fail(TITLE, detail, hint, **comparison.to_json())
+    hint = name_causes(context.scripts, f"stay isolated; or {GRID_HINT}")
     return info(
         "the grid and isolated worlds play different episodes", detail, hint, **comparison.to_json()
     )

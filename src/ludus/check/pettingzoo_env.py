@@ -12,9 +12,11 @@ import warnings
 from collections.abc import Callable
 from typing import Any
 
+from ludus.check.causes import name_causes
 from ludus.check.context import CheckContext
 from ludus.check.finding import Finding, fail, info, ok
 from ludus.check.gymnasium_env import why_not_gymnasium
+from ludus.check.seeds import RNG_HINT
 from ludus.errors import LudusError, MissingExtra
 from ludus.extras import install_hint
 
@@ -53,10 +55,11 @@ def check_pettingzoo(context: CheckContext) -> list[Finding]:
         # It chooses actions that masks forbid, as parallel_seed_test does.
         if not any(policy.has_action_mask for policy in context.spec.policies):
             tests["state_test"] = lambda: state_test(parallel_to_aec(env), env, num_cycles=20)
-        return [_run(name, test) for name, test in tests.items()]
+        hints = {"seed_test": name_causes(context.scripts, RNG_HINT)}
+        return [_run(name, test, hints.get(name, "")) for name, test in tests.items()]
 
 
-def _run(name: str, test: Callable[[], Any]) -> Finding:
+def _run(name: str, test: Callable[[], Any], hint: str) -> Finding:
     with (
         contextlib.redirect_stdout(io.StringIO()),  # the tests print that they passed
         warnings.catch_warnings(),
@@ -65,7 +68,8 @@ def _run(name: str, test: Callable[[], Any]) -> Finding:
         try:
             test()
         except AssertionError as error:
-            return fail(f"{TITLE}.{name}", " ".join(str(error).split()) or "an assertion failed")
+            text = " ".join(str(error).split()) or "an assertion failed"
+            return fail(f"{TITLE}.{name}", text, hint)
         except LudusError:
             raise
         except Exception as error:  # whatever their tests do with an environment that they reject

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 from numpy.typing import NDArray
 
+from ludus.check.causes import name_causes
 from ludus.check.context import CheckContext
 from ludus.check.finding import Finding, fail, info, ok, warn
 from ludus.check.numbers import Largest, largest_difference, scales
@@ -21,15 +20,6 @@ FIRST_TOLERANCE = 1e-5
 LATER_TOLERANCE = 1e-2
 HINT = (
     "reset() must restore everything that an episode changes: positions, velocities, timers, counts"
-)
-CASTS = re.compile(
-    r"\b(force_(ray|shape)cast_update|intersect_(ray|shape|point)|cast_motion|collide_shape"
-    r"|is_colliding|get_overlapping_\w+)\s*\("
-)
-CASTS_HINT = (
-    "{place} looks into the physics space, where bodies that reset() has moved are at their old "
-    "places until the next tick: use a sensor such as LudusRays2D, which sees them at once "
-    "(docs/sensors.md), or set settle_ticks of the LudusWorld to 1. Otherwise: "
 )
 
 
@@ -76,7 +66,8 @@ def _after_reset(context: CheckContext, pool: EnginePool, fresh: Recording) -> l
     if step == 0 and found.size > FIRST_TOLERANCE:
         return [fail(title, detail, _hint(context), scaled_difference=found.size)]
     if found.size > LATER_TOLERANCE:
-        return [warn(title, detail, HINT, scaled_difference=found.size)]
+        hint = name_causes(context.scripts, HINT)
+        return [warn(title, detail, hint, scaled_difference=found.size)]
     return [ok(title, f"the largest later difference is {found.size:.1g} of the usual size")]
 
 
@@ -109,12 +100,7 @@ def _after_end(context: CheckContext, fresh: Recording) -> list[Finding]:
 
 
 def _hint(context: CheckContext) -> str:
-    """Say what may be wrong with a first observation; rays that the game casts itself are named."""
-    for script, text in context.scripts():
-        for number, line in enumerate(text.splitlines(), 1):
-            if CASTS.search(line.partition("#")[0]):
-                return CASTS_HINT.format(place=f"{script}:{number}") + HINT
-    return HINT
+    return name_causes(context.scripts, HINT, has_casts=True)
 
 
 def _first_ends_of_worlds(recording: Recording) -> NDArray[np.int64]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ludus.check.causes import name_causes
 from ludus.check.context import CheckContext, OneEngineOnly
 from ludus.check.difference import first_difference
 from ludus.check.finding import Finding, fail, ok, warn
@@ -17,6 +18,7 @@ from ludus.errors import TargetError
 __all__ = ["check_seeds"]
 
 RNG_HINT = "draw all random numbers from LudusWorld.of(self).rng, and do not read the clock"
+SHARED_HINT = "the copies share something: a static variable, an autoload, a group, get_tree().root"
 ROUNDING = 1e-3
 """In units of an element's usual size."""
 OTHER_SEED = 1_000_003
@@ -46,7 +48,8 @@ def _same_seed(context: CheckContext) -> Finding:
             "each episode in fresh bodies, or in a new process",
             **found.to_json(),
         )
-    return fail(title, found.describe("first time", "second time"), RNG_HINT, **found.to_json())
+    hint = name_causes(context.scripts, RNG_HINT)
+    return fail(title, found.describe("first time", "second time"), hint, **found.to_json())
 
 
 def _is_rounding(context: CheckContext, again: Recording) -> bool:
@@ -102,10 +105,6 @@ def _alone_and_together(context: CheckContext) -> Finding:
             if found is not None:
                 text = found.describe(f"world {world} of {num_worlds}", "alone")
                 return fail(
-                    title,
-                    text,
-                    "the copies share something: a static variable, an autoload, a group, "
-                    "get_tree().root",
-                    **found.to_json(),
+                    title, text, name_causes(context.scripts, SHARED_HINT), **found.to_json()
                 )
     return ok(title, f"layout {layout}, {steps} steps, to the bit")

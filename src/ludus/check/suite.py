@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ludus.check.actions import check_actions
+from ludus.check.causes import scene_changes
 from ludus.check.context import CheckConfig, CheckContext, OneEngineOnly
 from ludus.check.determinism import check_determinism
 from ludus.check.finding import Finding, Status, fail, info, ok, warn
@@ -27,9 +28,16 @@ Check = Callable[[CheckContext], Iterable[Finding]]
 
 
 def check_scripts(context: CheckContext) -> list[Finding]:
-    """Pass on what the engine doubts about the game's scripts."""
+    """Pass on what the engine doubts about the game's scripts, and name changes of the scene."""
+    doubts = list(context.spec.warnings)
+    # The engine looks at nodes in the tree only, and in Godot 3 at none.
+    doubts += [
+        f"{place}: {text}"
+        for place, text in scene_changes(context.scripts)
+        if not any(f"{place}:" in doubt for doubt in doubts)
+    ]
     title = "no mistake is seen in the game's scripts"
-    return [warn("the game's scripts", text) for text in context.spec.warnings] or [ok(title)]
+    return [warn("the game's scripts", text) for text in doubts] or [ok(title)]
 
 
 CHECKS: dict[str, Check] = {

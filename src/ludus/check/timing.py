@@ -8,10 +8,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from ludus.check.causes import name_causes
 from ludus.check.context import CheckContext
 from ludus.check.difference import standing_difference
 from ludus.check.finding import Finding, fail, info, ok
 from ludus.check.recording import Recording, play, record
+from ludus.check.seeds import SHARED_HINT
 from ludus.pool import EnginePool
 from ludus.wire.reset import ResetAction, ResetRequest
 
@@ -19,6 +21,7 @@ __all__ = ["check_timing"]
 
 WAIT_S = 0.05
 SHORT_EPISODE_STEPS = 5
+UNCHANGED_HINT = "get_observation() must change nothing, and nothing may depend on the real clock"
 
 
 def check_timing(context: CheckContext) -> Iterator[Finding]:
@@ -27,8 +30,8 @@ def check_timing(context: CheckContext) -> Iterator[Finding]:
     yield _reset_answers(recording)
     yield _ticks(recording)
     with context.main_pool() as pool:
-        unchanged = _unchanged_until_action(pool, context.config.seed)
-        others = _others_unchanged(pool, context.config.seed)
+        unchanged = _unchanged_until_action(pool, context)
+        others = _others_unchanged(pool, context)
     yield unchanged
     yield others
     yield _limit(recording, "")
@@ -72,10 +75,10 @@ def _ticks(recording: Recording) -> Finding:
     return ok(title, f"in all {len(ticks)} steps{note}", settle_ticks=settle)
 
 
-def _unchanged_until_action(pool: EnginePool, seed: int) -> Finding:
+def _unchanged_until_action(pool: EnginePool, context: CheckContext) -> Finding:
     """Check that nothing changes between a reset and the first action, however late that is."""
     title = "the first action acts on what reset returned"
-    first = pool.reset(seed)
+    first = pool.reset(context.config.seed)
     tick = pool.times(0).tick
     time.sleep(WAIT_S)
     again = pool.reset_worlds(_leave_all(pool.spec.num_worlds))
@@ -86,15 +89,15 @@ def _unchanged_until_action(pool: EnginePool, seed: int) -> Finding:
         return fail(
             title,
             f"the game changed without a tick: {found.describe('at reset', 'a moment later')}",
-            "get_observation() must change nothing, and nothing may depend on the real clock",
+            name_causes(context.scripts, UNCHANGED_HINT),
             **found.to_json(),
         )
     return ok(title, "no tick and no change in between")
 
 
-def _others_unchanged(pool: EnginePool, seed: int) -> Finding:
+def _others_unchanged(pool: EnginePool, context: CheckContext) -> Finding:
     title = "a reset of one world leaves the others unchanged"
-    num = pool.spec.num_worlds
+    seed, num = context.config.seed, pool.spec.num_worlds
     if num < 2:
         return info(title, "not checked: it needs two worlds", "run with --num-worlds 2")
     before = play(pool, pool.reset(seed), 3, seed)[-1].batches
@@ -106,7 +109,7 @@ def _others_unchanged(pool: EnginePool, seed: int) -> Finding:
         return fail(
             title,
             f"a reset of world 0 changed another: {found.describe('before', 'after')}",
-            "worlds must not share nodes, groups, static variables or autoloads",
+            name_causes(context.scripts, SHARED_HINT),
             **found.to_json(),
         )
     return ok(title, f"worlds 1 to {num - 1} are equal to the bit")

@@ -10,9 +10,10 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from ludus.check.causes import name_causes
 from ludus.check.context import CheckContext
 from ludus.check.finding import Finding, fail, info, ok
-from ludus.check.seeds import RNG_HINT
+from ludus.check.seeds import RNG_HINT, SHARED_HINT
 from ludus.errors import UsageError
 from ludus.libraries import LudusVectorEnv
 from ludus.play.players import random_player
@@ -22,9 +23,9 @@ from ludus.spec.batch import ActionBatch, Batch
 __all__ = ["check_vector_env"]
 
 MAX_STEPS = 100
-HINT = "this is a defect of Ludus; please report it with the scene"
+DEFECT_HINT = "this is a defect of Ludus; please report it with the scene"
 SEED_TITLE = "VectorEnv: one seed for all equals seed + i"
-SEED_HINT = f"{RNG_HINT}; if the lines on seeds above are ok, {HINT}"
+MASK_TITLE = "VectorEnv: reset_mask resets only the worlds it selects"
 
 
 def check_vector_env(context: CheckContext) -> list[Finding]:
@@ -38,12 +39,17 @@ def check_vector_env(context: CheckContext) -> list[Finding]:
             "VectorEnv: final_obs exactly where an episode ended": _finals,
             "VectorEnv: returned arrays are not reused": _copies,
             SEED_TITLE: _seeds,
-            "VectorEnv: reset_mask resets only the worlds it selects": _reset_mask,
+            MASK_TITLE: _reset_mask,
             "VectorEnv: unknown options and wrong seeds are refused": _refusals,
         }
         problems = {title: check(player) for title, check in checks.items()}
+    # What only the game's own episodes decide is no proof of a defect of Ludus.
+    hints = {
+        SEED_TITLE: name_causes(context.scripts, RNG_HINT),
+        MASK_TITLE: name_causes(context.scripts, SHARED_HINT),
+    }
     return [
-        fail(title, text, SEED_HINT if title == SEED_TITLE else HINT) if text else ok(title)
+        fail(title, text, hints.get(title, DEFECT_HINT)) if text else ok(title)
         for title, text in problems.items()
     ]
 

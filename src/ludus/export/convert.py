@@ -82,6 +82,7 @@ def outline(policy: Policy, spec: PolicySpec) -> PolicyModel:
             log_std_range=LOG_STD_RANGE,
             is_squashed=head.shape.is_squashed,
         ),
+        frames=policy.num_frames,
     )
 
 

@@ -122,8 +122,7 @@ def write_request(folder: Path, path: Path, model: PolicyModel, inputs: ParityIn
         "num_steps": inputs.num_steps,
         "num_agents": inputs.num_agents,
         "entries": [
-            {"name": entry.name, "dtype": entry.dtype, "size": entry.size}
-            for entry in model.observation
+            {"name": entry.name, "dtype": entry.dtype, "size": entry.size} for entry in model.inputs
         ],
         "mask_size": model.spec.mask_size,
     }
@@ -131,7 +130,7 @@ def write_request(folder: Path, path: Path, model: PolicyModel, inputs: ParityIn
     with (folder / INPUTS).open("wb") as file:
         for step in range(inputs.num_steps):
             observation, mask = inputs.at(step)
-            for entry in model.observation:
+            for entry in model.inputs:
                 file.write(observation[entry.name].astype(entry.numpy_dtype).tobytes())
             if mask is not None:
                 file.write(mask.astype(np.uint8).tobytes())

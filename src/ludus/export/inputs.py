@@ -66,7 +66,7 @@ def draw_inputs(
 
     Args:
         model: What is tested.
-        recorded: Per entry ``dtype[m, *shape]``, or empty.
+        recorded: Per entry of ``model.inputs`` ``dtype[m, *shape]``, or empty.
         seed: Of the random ones.
     """
     random = np.random.default_rng(seed)
@@ -76,7 +76,7 @@ def draw_inputs(
     order = np.stack([random.permutation(num_recorded) for _ in range(num_steps)])
     observation: dict[str, NDArray[Any]] = {}
     start = 0
-    for entry in model.observation:
+    for entry in model.inputs:
         mean, deviation = np.zeros(entry.size), np.ones(entry.size)
         if model.normalisation is not None and not is_image(entry):
             part = slice(start, start + entry.size)

@@ -1,8 +1,9 @@
 """Policies as ONNX files, for ONNX Runtime and all that reads the format.
 
 Inputs, ``n`` agents at once: every observation entry by its name and in its own dtype, images as
-they are; ``action_mask`` (bool) if the policy has masks; ``memory`` (zeros at the beginning of an
-episode) if it has one. Outputs:
+they are; of a policy that sees several frames, all of them, the oldest first
+(``[n, frames, …]``); ``action_mask`` (bool) if the policy has masks; ``memory`` (zeros at the
+beginning of an episode) if it has one. Outputs:
 
 - ``outputs``: the raw outputs of the network, ``float32[n, outputs]``;
 - ``discrete``: the most probable choices, ``int64[n, components]``;
@@ -99,9 +100,9 @@ def check_names(model: PolicyModel) -> None:
 
 def _features(graph: OnnxGraph, model: PolicyModel) -> str:
     """Return the joined vector, normalised, and the features of the images behind it."""
-    vectors = [entry for entry in model.observation if not is_image(entry)]
+    vectors = [entry for entry in model.inputs if not is_image(entry)]
     parts = [_vector(graph, model, vectors)] if vectors else []
-    shapes = {entry.name: entry.shape for entry in model.observation}
+    shapes = {entry.name: entry.shape for entry in model.inputs}
     for image in model.images:
         parts.append(graph.image_network(image.entry, shapes[image.entry], image))
     return graph.joined(parts)
@@ -167,7 +168,7 @@ def _log_std(graph: OnnxGraph, model: PolicyModel, mean: str) -> str:
 def _inputs(model: PolicyModel) -> list[ValueInfoProto]:
     inputs = [
         helper.make_tensor_value_info(entry.name, ELEMENT_TYPES[entry.dtype], ["n", *entry.shape])
-        for entry in model.observation
+        for entry in model.inputs
     ]
     if model.has_action_mask:
         size = sum(model.spec.nvec)
@@ -201,6 +202,7 @@ def with_metadata(proto: onnx.ModelProto, model: PolicyModel) -> onnx.ModelProto
         "observation": [entry.to_json() for entry in model.observation],
         "action": [part.to_json() for part in model.action],
         "has_action_mask": model.has_action_mask,
+        "frames": model.frames,
     }
     metadata = {"policy": model.policy, "fingerprint": model.fingerprint, "spec": json.dumps(spec)}
     helper.set_model_props(proto, metadata)

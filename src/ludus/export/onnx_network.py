@@ -83,7 +83,7 @@ class _Graph(nn.Module):
         kinds = {"float32": torch.float32, "uint8": torch.uint8, "int64": torch.int64}
         inputs = {
             entry.name: torch.zeros(ROWS, *entry.shape, dtype=kinds[entry.dtype])
-            for entry in self._outline.observation
+            for entry in self._outline.inputs
         }
         if self._outline.has_action_mask:
             inputs[MASK] = torch.ones(ROWS, self.policy.head.num_logits, dtype=torch.bool)

@@ -4,7 +4,6 @@ extends SceneTree
 
 const LudusPolicyActions := preload("res://addons/ludus/policy/policy_actions.gd")
 const LudusPolicyNetwork := preload("res://addons/ludus/policy/policy_network.gd")
-const LudusPolicyReader := preload("res://addons/ludus/policy/policy_reader.gd")
 
 const REQUEST := "request.json"
 const INPUTS := "inputs.bin"
@@ -58,20 +57,13 @@ func _load(request: Dictionary) -> String:
 
 ## Answers one step.
 func _answer(inputs: FileAccess, answers: FileAccess) -> void:
-	var vectors: Array[PackedFloat32Array] = []
-	var images: Array[PackedByteArray] = []
-	for i: int in _entries.size():
-		var entry: Dictionary = _entries[i]
-		var dtype: String = entry["dtype"]
+	var observed: Array[PackedByteArray] = []
+	for entry: Dictionary in _entries:
 		var size: int = entry["size"]
-		var bytes_each: int = BYTES_OF[dtype]
-		var bytes := inputs.get_buffer(_num_agents * size * bytes_each)
-		if LudusPolicyReader.is_image(_policy.reader().entries[i]):
-			images.append(bytes)
-		else:
-			vectors.append(_numbers(bytes, dtype))
+		var bytes_each: int = BYTES_OF[entry["dtype"]]
+		observed.append(inputs.get_buffer(_num_agents * size * bytes_each))
 	var masks := inputs.get_buffer(_num_agents * _mask_size)
-	_network.run(_slots, vectors, images, _states)
+	_network.run(_slots, observed, _states)
 	var outputs := _network.outputs
 	for slot: int in _num_agents:
 		_actions.choose(outputs, slot * _network.num_outputs, slot, masks, null)
@@ -94,16 +86,3 @@ func _log_stds(outputs: PackedFloat32Array) -> PackedFloat32Array:
 		for i: int in range(last - size, last):
 			log_stds.append(clampf(outputs[i], read.log_std_range[0], read.log_std_range[1]))
 	return log_stds
-
-
-static func _numbers(bytes: PackedByteArray, dtype: String) -> PackedFloat32Array:
-	if dtype == "float32":
-		return bytes.to_float32_array()
-	var numbers := PackedFloat32Array()
-	if dtype == "int64":
-		for value: int in bytes.to_int64_array():
-			numbers.append(value)
-	else:
-		for value: int in bytes:
-			numbers.append(value)
-	return numbers

@@ -73,7 +73,7 @@ def load_trained(
     specs = {name: _spec(checkpoint, name, path) for name in names}
     policies = load_policies(path, specs, networks)
     return [
-        TrainedPolicy(specs[name], policies[name], _recorded(checkpoint, specs[name]))
+        TrainedPolicy(specs[name], policies[name], _recorded(checkpoint, policies[name]))
         for name in names
     ]
 
@@ -111,11 +111,11 @@ def _spec(checkpoint: Checkpoint, name: str, path: Path) -> PolicySpec:
     return spec
 
 
-def _recorded(checkpoint: Checkpoint, spec: PolicySpec) -> dict[str, NDArray[Any]]:
-    """Return recorded observations, if there are any and they are of this spec."""
-    tensors = checkpoint.learners[spec.name].tensors
+def _recorded(checkpoint: Checkpoint, policy: Policy) -> dict[str, NDArray[Any]]:
+    """Return recorded observations, if there are any and the policy takes such."""
+    tensors = checkpoint.learners[policy.spec.name].tensors
     recorded: dict[str, NDArray[Any]] = {}
-    for entry in spec.observation:
+    for entry in policy.input_spec.observation:
         tensor = tensors.get(SAMPLES + entry.name)
         if tensor is None or tuple(tensor.shape[1:]) != entry.shape:
             return {}

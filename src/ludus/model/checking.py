@@ -26,6 +26,7 @@ __all__ = ["MAX_PARAMETERS", "check_model", "mismatch"]
 
 MAX_PARAMETERS = 1 << 25
 """Numbers in all arrays of a model."""
+MAX_FRAMES = 256
 MAX_LAYERS = 64
 MAX_CONVOLUTIONS = 16
 MAX_STRIDE = 1 << 16
@@ -41,6 +42,8 @@ def check_model(model: PolicyModel) -> None:
             message names the field.
     """
     _check_spec(model)
+    if not 1 <= model.frames <= MAX_FRAMES:
+        raise mismatch("frames", f"1 to {MAX_FRAMES}", model.frames)
     _check_normalisation(model.normalisation, model.vector_size)
     _check_images(model)
     size = model.num_features
@@ -72,7 +75,7 @@ def _check_normalisation(normalisation: Normalisation | None, size: int) -> None
 
 
 def _check_images(model: PolicyModel) -> None:
-    entries = [entry for entry in model.observation if is_image(entry)]
+    entries = [entry for entry in model.inputs if is_image(entry)]
     names = [image.entry for image in model.images]
     if names != [entry.name for entry in entries]:
         raise mismatch("images", f"one for each of {[entry.name for entry in entries]}", names)

@@ -43,6 +43,7 @@ class ModelRunner:
     Attributes:
         model: What is run.
         memory_size: Elements of one agent's state; 0 without a memory.
+        num_frames: How many observations it takes together.
     """
 
     def __init__(self, model: PolicyModel) -> None:
@@ -54,7 +55,9 @@ class ModelRunner:
         check_model(model)
         self.model = model
         self.memory_size = model.memory.size if model.memory is not None else 0
+        self.num_frames = model.frames
         self._spec = model.spec
+        self._inputs = model.inputs
         self._num_logits = sum(self._spec.nvec)
         self._low, self._high = self._spec.continuous_bounds()
 
@@ -68,7 +71,7 @@ class ModelRunner:
         """Return the actions of ``n`` agents, and their next memory.
 
         Args:
-            observation: Per entry ``dtype[n, *shape]``.
+            observation: Per entry ``dtype[n, *shape]``, all frames of it as in ``model.inputs``.
             action_mask: ``bool[n, sum(nvec)]``, True = allowed; None allows everything.
             memory: ``float32[n, memory_size]``; None begins an episode.
             generator: Draws actions; None takes the most probable ones.
@@ -99,7 +102,7 @@ class ModelRunner:
         return x, memory
 
     def _features(self, observation: Mapping[str, NDArray[Any]]) -> Array:
-        entries = self.model.observation
+        entries = self._inputs
         for entry in entries:
             if entry.name not in observation:
                 raise UsageError(f'there is no entry "{entry.name}" in the observation')

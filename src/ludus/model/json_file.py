@@ -134,6 +134,7 @@ def from_json(value: Any) -> PolicyModel:
             hint="upgrade ludus" if is_newer else "export again",
         )
     spec = _read_spec(file)
+    file = {"frames": 1, **file}  # older files have one, and do not say so
     declared = {
         "policy": spec.name,
         "observation": spec.observation,

@@ -6,7 +6,8 @@ Nothing here needs PyTorch. :mod:`ludus.model.json_file` writes and reads it as 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -25,6 +26,7 @@ __all__ = [
     "PolicyModel",
     "image_shape",
     "is_image",
+    "stack_entries",
 ]
 
 Array = NDArray[np.float32]
@@ -147,12 +149,13 @@ class PolicyModel:
 
     The joined vector of all entries but images, in the order of ``observation``, is normalised;
     the features of the images follow it; a memory, if there is one, turns both into its state;
-    layers turn that into outputs.
+    layers turn that into outputs. With several frames, the last observations of an agent take the
+    place of the one it has just made.
 
     Attributes:
         policy: Name of the policy.
         fingerprint: Hash of the spec it was trained for, :meth:`ludus.spec.PolicySpec.fingerprint`.
-        observation: Entries it looks at, in order.
+        observation: Entries of one observation, in order.
         action: Components of its action, in order.
         has_action_mask: Whether discrete choices may be forbidden.
         normalisation: Of the joined vector; None leaves it.
@@ -160,6 +163,7 @@ class PolicyModel:
         memory: None without one.
         layers: From features to outputs.
         distribution: From outputs to actions.
+        frames: How many observations the network looks at together.
     """
 
     policy: str
@@ -172,6 +176,7 @@ class PolicyModel:
     memory: Gru | None
     layers: tuple[Linear, ...]
     distribution: Distribution
+    frames: int = 1
 
     @property
     def spec(self) -> PolicySpec:
@@ -181,9 +186,14 @@ class PolicyModel:
         return PolicySpec(self.policy, self.observation, self.action, agents, 1, masked)
 
     @property
+    def inputs(self) -> tuple[ObservationEntry, ...]:
+        """What the network looks at: all frames of each entry."""
+        return stack_entries(self.observation, self.frames)
+
+    @property
     def vector_size(self) -> int:
-        """Elements of all entries but images."""
-        return sum(entry.size for entry in self.observation if not is_image(entry))
+        """Elements of all inputs but images."""
+        return sum(entry.size for entry in self.inputs if not is_image(entry))
 
     @property
     def num_features(self) -> int:
@@ -207,3 +217,28 @@ def image_shape(entry: ObservationEntry) -> tuple[int, int, int]:
     """Return ``(channels, height, width)`` of an image entry, stacked frames among the channels."""
     frames = math.prod(entry.shape[:-3])
     return entry.shape[-1] * frames, entry.shape[-3], entry.shape[-2]
+
+
+def stack_entries(
+    entries: Iterable[ObservationEntry], num_frames: int
+) -> tuple[ObservationEntry, ...]:
+    """Return what a network looks at that sees several observations, the oldest first.
+
+    Args:
+        entries: Of one observation.
+        num_frames: How many; 1 leaves the entries as they are.
+
+    Returns:
+        Images with the shape ``[num_frames, *shape]``, other entries with ``[num_frames, size]``.
+    """
+    if num_frames == 1:
+        return tuple(entries)
+    return tuple(
+        replace(
+            entry,
+            shape=(num_frames, *(entry.shape if is_image(entry) else (entry.size,))),
+            low=entry.low * num_frames if isinstance(entry.low, tuple) else entry.low,
+            high=entry.high * num_frames if isinstance(entry.high, tuple) else entry.high,
+        )
+        for entry in entries
+    )

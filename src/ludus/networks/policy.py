@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from ludus.model.frame_stack import FrameStack
+from ludus.model.policy_model import stack_entries
 from ludus.networks.distributions import LOG_STD_RANGE, ActionHead, GaussianShape
 from ludus.networks.networks import FeatureTorso, Inputs, ObservationEncoder, perceptron
 from ludus.networks.own_network import MakeNetwork, OwnTorso
@@ -31,6 +34,8 @@ class Policy(nn.Module):
 
     Attributes:
         spec: What it observes and does.
+        num_frames: How many of its last observations it looks at.
+        input_spec: The same with all frames of each entry, as the network takes them.
         encoder: From entries to inputs; holds the observation statistics.
         torso: From inputs to features.
         memory: A recurrent layer over the features, None without one. What it remembers takes
@@ -49,8 +54,11 @@ class Policy(nn.Module):
     ) -> None:
         super().__init__()
         self.spec = spec
+        self.num_frames = config.frame_stack
+        inputs = stack_entries(spec.observation, self.num_frames)
+        self.input_spec = replace(spec, observation=inputs)
         self._make_network = make_network
-        self.encoder = ObservationEncoder(spec.observation, config.normalise_observation)
+        self.encoder = ObservationEncoder(inputs, config.normalise_observation)
         self.head = ActionHead(spec, _gaussian_shape(config))
         self.torso = self.make_torso()
         self.memory_size = config.memory_size if isinstance(config, PPOConfig) else 0
@@ -71,11 +79,15 @@ class Policy(nn.Module):
         """Elements of what the actor looks at."""
         return self.memory_size or self.torso.size
 
+    def make_frame_stack(self, num_slots: int) -> FrameStack:
+        """Return what makes of the observations of some slots what the network takes."""
+        return FrameStack(self.spec.observation, self.num_frames, num_slots)
+
     def make_torso(self) -> FeatureTorso | OwnTorso:
         """Return another torso like that of the policy, with weights of its own."""
         if self._make_network is None:
             return FeatureTorso(self.encoder)
-        return OwnTorso(self._make_network, self.spec, self.encoder)
+        return OwnTorso(self._make_network, self.input_spec, self.encoder)
 
     def features(self, inputs: Inputs) -> Tensor:
         """Return ``float32[n, torso.size]``, what memory or actor look at."""
@@ -123,6 +135,7 @@ class Player:
         size = policy.memory_size
         self._state = torch.zeros(num_slots, size, device=policy.device) if size else None
         self._was_active = np.zeros(num_slots, np.bool_)
+        self._frames = policy.make_frame_stack(num_slots)
         self._last: tuple[Tensor, Inputs, Batch] | None = None
 
     @torch.inference_mode()
@@ -139,6 +152,7 @@ class Player:
             Actions of those ``m`` slots.
         """
         policy, device = self.policy, self.policy.device
+        batch = self._frames.push_batch(batch)
         chosen: NDArray[np.int64] | slice = slice(None) if rows is None else rows
         observation = {name: array[chosen] for name, array in batch.observation.items()}
         inputs = policy.encoder(as_tensors(observation, device))
@@ -183,7 +197,9 @@ class Player:
 
     def forget(self, rows: NDArray[np.int64] | None = None) -> None:
         """Clear the memory of the slots ``rows``, or of all, whose episodes have ended."""
-        self._was_active[slice(None) if rows is None else rows] = False
+        chosen = slice(None) if rows is None else rows
+        self._was_active[chosen] = False
+        self._frames.forget(chosen)
 
 
 def _gaussian_shape(config: PolicyConfig) -> GaussianShape:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ludus.errors import ConfigError
 from ludus.model import ModelRunner, read_model
+from ludus.model.frame_stack import FrameStack
 from ludus.play.random_actions import RandomActions
 from ludus.pool.interface import Pool
 from ludus.spec import PolicySpec
@@ -194,12 +195,17 @@ class FilePlayer:
         self._runner = runner
         self._generator = generator
         self._memory: NDArray[Any] | None = None
+        self._frames: FrameStack | None = None
         self._last: tuple[Batch, NDArray[Any] | None] | None = None
 
     def act(self, batch: Batch) -> ActionBatch:
         """Return the actions on what a batch shows."""
         if self._memory is not None:
             self._memory[batch.final_index] = 0.0
+        if self._frames is None:
+            model = self._runner.model
+            self._frames = FrameStack(model.observation, model.frames, batch.num_agents)
+        batch = self._frames.push_batch(batch)
         self._last = batch, self._memory
         actions, self._memory = self._runner.act(
             batch.observation, batch.action_mask, self._memory, self._generator

@@ -51,6 +51,7 @@ class PPOConfig(Settings):
         hidden_sizes: Units of each hidden layer of the actor.
         critic_hidden_sizes: Units of each hidden layer of the critic; hidden_sizes if not given.
         activation: Non-linearity between layers.
+        frame_stack: Observations that the network sees together: the last ones of the episode.
         memory_size: Units of a recurrent layer (GRU) before the actor; 0 for none.
         sequence_length: Steps over which gradients flow back through the memory.
         learning_rate: Step size of Adam at the start.
@@ -86,6 +87,7 @@ class PPOConfig(Settings):
     hidden_sizes: tuple[int, ...] = setting((64, 64), SIZES)
     critic_hidden_sizes: tuple[int, ...] | None = setting(None, SIZES)
     activation: Activation = "tanh"
+    frame_stack: int = setting(1, AT_LEAST_1)
     memory_size: int = setting(0, AT_LEAST_0)
     sequence_length: int = setting(16, AT_LEAST_1)
     learning_rate: float = setting(1e-3, ABOVE_0)
@@ -130,6 +132,7 @@ class SACConfig(Settings):
         critic_hidden_sizes: Units of each hidden layer of the two critics; hidden_sizes if not
             given.
         activation: Non-linearity between layers.
+        frame_stack: Observations that the networks see together: the last ones of the episode.
         learning_rate: Step size of Adam for actor, critics and temperature.
         learning_rate_schedule: "linear" falls to zero at total_steps, "constant" stays the same.
         batch_size: Transitions in one gradient step.
@@ -159,6 +162,7 @@ class SACConfig(Settings):
     hidden_sizes: tuple[int, ...] = setting((256, 256), SIZES)
     critic_hidden_sizes: tuple[int, ...] | None = setting(None, SIZES)
     activation: Activation = "relu"
+    frame_stack: int = setting(1, AT_LEAST_1)
     learning_rate: float = setting(3e-4, ABOVE_0)
     learning_rate_schedule: Literal["linear", "constant"] = "constant"
     batch_size: int = setting(256, AT_LEAST_1)

@@ -14,6 +14,7 @@ var ticks_per_step: int = 1
 
 var _policy: LudusPolicy
 var _network: LudusPolicyNetwork
+var _frames: LudusPolicyFrames
 var _actions: LudusPolicyActions
 var _returns: Array = []
 var _generators: Array = []
@@ -32,6 +33,7 @@ var _starts: Array = []
 func _init(first: LudusAgent) -> void:
 	_policy = first.policy
 	_network = _policy.network()
+	_frames = LudusPolicyFrames.new(_policy.reader().frames)
 	_actions = LudusPolicyActions.new(_policy.reader())
 	ticks_per_step = first.ticks_per_step
 	batch = LudusPolicyBatch.new(
@@ -93,6 +95,7 @@ func leave(slot: int) -> void:
 func begin(slot: int, tick: int) -> void:
 	_ready_at[slot] = tick
 	_returns[slot] = 0.0
+	_frames.begin(slot)
 	for i in _network.memory_blocks:
 		_states[slot * _network.memory_blocks + i] = Vector3.ZERO
 	# The world's own stream goes on as in training.
@@ -147,10 +150,12 @@ func _observe() -> void:
 	var bytes := batch.observations_to_bytes()
 	var vectors := []
 	for i in _vector_entries:
-		vectors.append(_numbers(bytes, i))
+		vectors.append(_frames.push(i, _numbers(bytes, i), batch.layout.entries[i].size()))
 	var images := []
 	for i in _image_entries:
-		images.append(bytes.subarray(_starts[i], _starts[i] + _num_bytes(i) - 1))
+		var pixels := bytes.subarray(_starts[i], _starts[i] + _num_bytes(i) - 1)
+		images.append(_frames.push(i, pixels, batch.layout.entries[i].size()))
+	_frames.end_step(_active_slots)
 	_network.run(_active_slots, vectors, images, _states)
 
 
@@ -185,6 +190,7 @@ func _reserve(num_slots: int) -> void:
 	_ready_at.append(-1)
 	for _i in _network.memory_blocks:
 		_states.append(Vector3.ZERO)
+	_frames.reserve(num_slots)
 	_actions.reserve(num_slots)
 	_generators.append(RandomNumberGenerator.new())
 	_starts.clear()

@@ -54,6 +54,7 @@ func _init(read: LudusPolicyReader) -> void:
 ##
 ## [param vectors]: for each entry but images, in order, its numbers for all slots.
 ## [param images]: for each image entry its bytes for all slots.
+## Both hold all frames of a slot, see [LudusPolicyFrames].
 ## [param states]: [member memory_blocks] for each slot, replaced by the next ones.
 func run(slots: Array, vectors: Array, images: Array, states: Array) -> void:
 	_reserve(slots.size())

@@ -6,6 +6,7 @@ extends Reference
 const FORMAT := "ludus-policy"
 const VERSION := 1
 const MAX_ITEMS := 64
+const MAX_FRAMES := 256
 const KIND_NAMES := ["discrete", "continuous"]
 
 ## What is wrong with the file, or an empty text.
@@ -16,6 +17,8 @@ var policy_name: String = ""
 var fingerprint: String = ""
 ## What it looks at, in order ([LudusObservationEntry]); bounds are not read.
 var entries: Array = []
+## How many observations the network looks at together.
+var frames: int = 1
 ## Components of its action in order ([LudusActionComponent]): name, kind, n, size.
 var components: Array = []
 ## Whether choices may be forbidden.
@@ -68,12 +71,12 @@ static func is_image(entry: LudusObservationEntry) -> bool:
 	return entry.dtype == LudusObservationEntry.DType.UINT8 and entry.shape.size() >= 3
 
 
-## Sizes of the entries that are no images, in order.
+## Sizes of the entries that are no images, all frames of them, in order.
 func vector_sizes() -> Array:
 	var sizes := []
 	for entry in entries:
 		if not is_image(entry):
-			sizes.append(entry.size())
+			sizes.append(entry.size() * frames)
 	return sizes
 
 
@@ -89,6 +92,8 @@ func _read_spec(fields: LudusPolicyFields) -> void:
 	policy_name = fields.text("policy")
 	fingerprint = fields.text("fingerprint")
 	has_action_mask = fields.flag("has_action_mask")
+	if fields.has("frames"):  # older files have one, and do not say so
+		frames = fields.integer("frames", 1, MAX_FRAMES)
 	for part in fields.parts("observation", 1, MAX_ITEMS):
 		var dtype: int = part.choice("dtype", LudusObservationEntry.DTYPE_NAMES)
 		var shape := PoolIntArray(part.sizes("shape", 8))
@@ -141,10 +146,10 @@ func _read_images(fields: LudusPolicyFields) -> void:
 
 
 func _read_image(fields: LudusPolicyFields, entry: LudusObservationEntry) -> Dictionary:
-	var shape := Array(entry.shape)
+	var shape := [frames] + Array(entry.shape)
 	var height: int = shape[-3]
 	var width: int = shape[-2]
-	var channels := entry.size() / (height * width)
+	var channels := entry.size() / (height * width) * frames
 	var convolutions := []
 	for part in fields.parts("convolutions", 1, 16):
 		var layer := _read_convolution(part, channels)

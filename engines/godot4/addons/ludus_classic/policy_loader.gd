@@ -94,7 +94,8 @@ func _take_policy(json: JSON, path: String) -> void:
 
 ## Why a policy is not of the one kind that godot-ai has; an empty text if it is.
 static func _incompatibility(read: LudusPolicyReader) -> String:
-	if not read.memory.is_empty() or not read.images.is_empty() or not read.scale.is_empty():
+	var is_plain := read.memory.is_empty() and read.images.is_empty() and read.scale.is_empty()
+	if not is_plain or read.frames > 1:
 		return "it is more than dense layers"
 	if not read.is_squashed or not read.has_own_log_std or read.num_logits > 0:
 		return "it is no squashed Gaussian"

@@ -1,7 +1,7 @@
 //! Agents that trained policies play, while no trainer is there (POLICY.md §5).
 
 use crate::error::GameError;
-use crate::model::{ActionHead, PolicyModel, PolicyNetwork};
+use crate::model::{ActionHead, PolicyFrames, PolicyModel, PolicyNetwork};
 use crate::policy_plugin::{EpisodeEnded, PolicySources};
 use crate::random::RandomStream;
 use crate::stage::Stage;
@@ -84,7 +84,7 @@ impl PolicyPlayer {
         reported
     }
 
-    /// Empties the memory of agents whose episode has begun.
+    /// Lets agents whose episode has begun forget the one before.
     pub fn note_begun(&mut self, stage: &Stage) {
         for played in &mut self.played {
             played.note_begun(stage);
@@ -100,6 +100,8 @@ struct PlayedPolicy {
     policy: usize,
     /// Of every entry of the policy: the index of the agents' one.
     entries: Vec<usize>,
+    /// What agents saw before, where the policy looks at that.
+    frames: Option<PolicyFrames>,
     network: PolicyNetwork,
     head: ActionHead,
     /// Draws actions; none takes the most probable ones.
@@ -122,6 +124,7 @@ impl PlayedPolicy {
             name: agents.name.clone(),
             policy,
             entries,
+            frames: (model.frames > 1).then(|| PolicyFrames::new(model, num_agents)),
             random: None,
             memory: vec![0.0; network.memory_size() * num_agents],
             slots: Vec::with_capacity(num_agents),
@@ -151,9 +154,16 @@ impl PlayedPolicy {
         );
         let arrays = &batch.layout().policies[self.policy];
         let bytes = batch.bytes();
-        let row = |entry: usize, slot: usize| {
+        let seen = |entry: usize, slot: usize| {
             let own: usize = self.entries[entry];
             &bytes[arrays.entries[own].row(slot)]
+        };
+        if let Some(frames) = &mut self.frames {
+            frames.push(seen, &self.slots);
+        }
+        let row = |entry: usize, slot: usize| match &self.frames {
+            Some(frames) => frames.row(entry, slot),
+            None => seen(entry, slot),
         };
         let outputs = self.network.run(row, &self.slots, &mut self.memory);
         let width = outputs.len() / self.slots.len().max(1);
@@ -200,6 +210,9 @@ impl PlayedPolicy {
         for (slot, active) in stage.rosters[self.policy].active.iter().enumerate() {
             if *active == 1 && !self.is_playing[slot] {
                 self.memory[slot * size..(slot + 1) * size].fill(0.0);
+                if let Some(frames) = &mut self.frames {
+                    frames.begin(slot);
+                }
                 self.returns[slot] = 0.0;
                 self.num_steps[slot] = 0;
             }

@@ -28,6 +28,11 @@ func fail(key: String, what: String) -> void:
 	errors.append("%s%s: %s" % [_where, key, what])
 
 
+## Whether a field is there.
+func has(key: String) -> bool:
+	return _object.has(key)
+
+
 ## Whether a field is null.
 func is_null(key: String) -> bool:
 	return _object.has(key) and _object[key] == null

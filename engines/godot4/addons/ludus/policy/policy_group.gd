@@ -6,6 +6,7 @@ extends RefCounted
 
 const LudusPolicyActions := preload("res://addons/ludus/policy/policy_actions.gd")
 const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
+const LudusPolicyFrames := preload("res://addons/ludus/policy/policy_frames.gd")
 const LudusPolicyNetwork := preload("res://addons/ludus/policy/policy_network.gd")
 const LudusPolicyReader := preload("res://addons/ludus/policy/policy_reader.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
@@ -19,6 +20,7 @@ var ticks_per_step: int = 1
 
 var _policy: LudusPolicy
 var _network: LudusPolicyNetwork
+var _frames: LudusPolicyFrames
 var _actions: LudusPolicyActions
 var _returns: PackedFloat64Array = []
 var _generators: Array[RandomNumberGenerator] = []
@@ -26,9 +28,8 @@ var _generators: Array[RandomNumberGenerator] = []
 var _ready_at: PackedInt64Array = []
 var _states: PackedVector4Array = []
 var _active_slots: PackedInt32Array = []
-## For each vector entry and each image of the policy: the number of the agents' entry.
-var _vector_entries: PackedInt32Array = []
-var _image_entries: PackedInt32Array = []
+## For each entry of the policy: the number of the agents' entry.
+var _entries: PackedInt32Array = []
 var _starts: PackedInt32Array = []
 ## What all slots observed last, and what they were allowed to do.
 var _observed := PackedByteArray()
@@ -40,6 +41,7 @@ var _masks := PackedByteArray()
 func _init(first: LudusAgent) -> void:
 	_policy = first.policy
 	_network = _policy.network()
+	_frames = LudusPolicyFrames.new(_policy.reader())
 	_actions = LudusPolicyActions.new(_policy.reader())
 	ticks_per_step = first.ticks_per_step
 	batch = LudusPolicyBatch.new(
@@ -48,11 +50,7 @@ func _init(first: LudusAgent) -> void:
 	batch.set_agent(0, null)
 	_reserve(1)
 	for entry: LudusObservationEntry in _policy.reader().entries:
-		var i := _find_entry(entry.name)
-		if LudusPolicyReader.is_image(entry):
-			_image_entries.append(i)
-		else:
-			_vector_entries.append(i)
+		_entries.append(_find_entry(entry.name))
 
 
 ## Whether an agent can take part: it lives by the same rules.
@@ -101,6 +99,7 @@ func leave(slot: int) -> void:
 func begin(slot: int, tick: int) -> void:
 	_ready_at[slot] = tick
 	_returns[slot] = 0.0
+	_frames.begin(slot)
 	for i: int in _network.memory_blocks:
 		_states[slot * _network.memory_blocks + i] = Vector4.ZERO
 	# The world's own stream goes on as in training.
@@ -163,27 +162,11 @@ func describe_decision(slot: int) -> Dictionary:
 func _observe() -> void:
 	_observed.clear()
 	batch.append_observations(_observed)
-	var vectors: Array[PackedFloat32Array] = []
-	for i: int in _vector_entries:
-		vectors.append(_floats(_slice(i), i))
-	var images: Array[PackedByteArray] = []
-	for i: int in _image_entries:
-		images.append(_slice(i))
-	_network.run(_active_slots, vectors, images, _states)
-
-
-func _floats(part: PackedByteArray, i: int) -> PackedFloat32Array:
-	match batch.layout.entries[i].dtype:
-		LudusObservationEntry.DType.UINT8:
-			return PackedFloat32Array(Array(part))
-		LudusObservationEntry.DType.INT64:
-			return PackedFloat32Array(Array(part.to_int64_array()))
-	return part.to_float32_array()
-
-
-func _slice(i: int) -> PackedByteArray:
-	var num_bytes := batch.layout.entries[i].num_bytes() * batch.agents.size()
-	return _observed.slice(_starts[i], _starts[i] + num_bytes)
+	var observed: Array[PackedByteArray] = []
+	for i: int in _entries:
+		var num_bytes := batch.layout.entries[i].num_bytes() * batch.agents.size()
+		observed.append(_observed.slice(_starts[i], _starts[i] + num_bytes))
+	_network.run(_active_slots, _frames.push(observed, _active_slots), _states)
 
 
 func _find_entry(entry_name: String) -> int:
@@ -203,6 +186,7 @@ func _reserve(num_slots: int) -> void:
 	_ready_at.resize(num_slots)
 	_ready_at[-1] = -1
 	_states.resize(num_slots * _network.memory_blocks)
+	_frames.reserve(num_slots)
 	_actions.reserve(num_slots)
 	_generators.append(RandomNumberGenerator.new())
 	_starts.clear()

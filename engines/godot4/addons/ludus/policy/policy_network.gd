@@ -17,6 +17,7 @@ var visions: Array[LudusPolicyVision] = []
 ## What [method run] put out, [member num_outputs] for each row.
 var outputs: PackedFloat32Array = []
 
+var _entries: Array[LudusObservationEntry] = []
 ## Elements of each vector entry, and where its blocks begin.
 var _sizes: PackedInt32Array = []
 var _starts: PackedInt32Array = []
@@ -36,6 +37,7 @@ var _results: Array[PackedVector4Array] = []
 
 ## Packs what was read.
 func _init(read: LudusPolicyReader) -> void:
+	_entries = read.entries
 	_sizes = read.vector_sizes()
 	for size: int in _sizes:
 		_starts.append(_num_blocks)
@@ -44,7 +46,8 @@ func _init(read: LudusPolicyReader) -> void:
 	var seen := read.entries.filter(LudusPolicyReader.is_image)
 	for i: int in read.images.size():
 		var entry: LudusObservationEntry = seen[i]
-		visions.append(LudusPolicyVision.new(read.images[i], entry.shape))
+		var shape := PackedInt32Array([read.frames]) + entry.shape
+		visions.append(LudusPolicyVision.new(read.images[i], shape))
 		_num_blocks += (visions[i].num_features + 3) / 4
 	var columns := LudusPolicyDense.spread(read.feature_sizes())
 	if not read.memory.is_empty():
@@ -60,18 +63,20 @@ func _init(read: LudusPolicyReader) -> void:
 
 
 ## Computes [member outputs] for the agents of some slots, one row for each.[br]
-## [param vectors]: for each entry but images, in order, its numbers for all slots.[br]
-## [param images]: for each image entry its bytes for all slots.[br]
+## [param observed]: for each entry its bytes for all slots, all frames of a slot together.[br]
 ## [param states]: [member memory_blocks] for each slot, replaced by the next ones.
 func run(
-	slots: PackedInt32Array,
-	vectors: Array[PackedFloat32Array],
-	images: Array[PackedByteArray],
-	states: PackedVector4Array
+	slots: PackedInt32Array, observed: Array[PackedByteArray], states: PackedVector4Array
 ) -> void:
 	_reserve(slots.size())
-	for i: int in _sizes.size():
-		_fill(vectors[i], _sizes[i], _starts[i], slots)
+	var images: Array[PackedByteArray] = []
+	var vector := 0
+	for i: int in _entries.size():
+		if LudusPolicyReader.is_image(_entries[i]):
+			images.append(observed[i])
+			continue
+		_fill(_floats(observed[i], _entries[i].dtype), _sizes[vector], _starts[vector], slots)
+		vector += 1
 	if not _scale.is_empty():
 		_normalise(slots.size())
 	_look(images, slots)
@@ -126,6 +131,17 @@ func _reserve(num_rows: int) -> void:
 		_results[i].resize(num_rows * _layers[i].num_out)
 	if _memory != null:
 		_memory.reserve(num_rows)
+
+
+static func _floats(
+	bytes: PackedByteArray, dtype: LudusObservationEntry.DType
+) -> PackedFloat32Array:
+	match dtype:
+		LudusObservationEntry.DType.UINT8:
+			return PackedFloat32Array(Array(bytes))
+		LudusObservationEntry.DType.INT64:
+			return PackedFloat32Array(Array(bytes.to_int64_array()))
+	return bytes.to_float32_array()
 
 
 ## Puts the numbers of one entry into the rows.

@@ -8,6 +8,7 @@ const LudusPolicyFields := preload("res://addons/ludus/policy/policy_fields.gd")
 const FORMAT := "ludus-policy"
 const VERSION := 1
 const MAX_ITEMS := 64
+const MAX_FRAMES := 256
 const KIND_NAMES: PackedStringArray = ["discrete", "continuous"]
 
 ## What is wrong with the file, or an empty text.
@@ -18,6 +19,8 @@ var policy_name: String = ""
 var fingerprint: String = ""
 ## What it looks at, in order; bounds are not read.
 var entries: Array[LudusObservationEntry] = []
+## How many observations the network looks at together.
+var frames: int = 1
 ## Components of its action in order: name, kind, n, size.
 var components: Array[LudusActionComponent] = []
 ## Whether choices may be forbidden.
@@ -70,12 +73,12 @@ static func is_image(entry: LudusObservationEntry) -> bool:
 	return entry.dtype == LudusObservationEntry.DType.UINT8 and entry.shape.size() >= 3
 
 
-## Sizes of the entries that are no images, in order.
+## Sizes of the entries that are no images, all frames of them, in order.
 func vector_sizes() -> PackedInt32Array:
 	var sizes := PackedInt32Array()
 	for entry: LudusObservationEntry in entries:
 		if not is_image(entry):
-			sizes.append(entry.size())
+			sizes.append(entry.size() * frames)
 	return sizes
 
 
@@ -91,6 +94,8 @@ func _read_spec(fields: LudusPolicyFields) -> void:
 	policy_name = fields.text("policy")
 	fingerprint = fields.text("fingerprint")
 	has_action_mask = fields.flag("has_action_mask")
+	if fields.has("frames"):  # older files have one, and do not say so
+		frames = fields.integer("frames", 1, MAX_FRAMES)
 	for part: LudusPolicyFields in fields.parts("observation", 1, MAX_ITEMS):
 		var dtype := part.choice("dtype", LudusObservationEntry.DTYPE_NAMES)
 		var entry := LudusObservationEntry.create(part.text("name"), part.sizes("shape", 8), dtype)
@@ -146,7 +151,7 @@ func _read_images(fields: LudusPolicyFields) -> void:
 func _read_image(fields: LudusPolicyFields, entry: LudusObservationEntry) -> Dictionary:
 	var height := entry.shape[-3]
 	var width := entry.shape[-2]
-	var channels := entry.size() / (height * width)
+	var channels := entry.size() / (height * width) * frames
 	var convolutions: Array[Dictionary] = []
 	for part: LudusPolicyFields in fields.parts("convolutions", 1, 16):
 		var layer := _read_layer(part, [-1, channels, -1, -1])

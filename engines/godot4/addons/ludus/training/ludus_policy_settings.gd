@@ -32,7 +32,7 @@ const _PPO_ONLY: Array[StringName] = [
 const _SAC_ONLY: Array[StringName] = [
 	&"batch_size", &"replay_capacity", &"updates_per_step", &"temperature"
 ]
-const _NUMBERS: Array[StringName] = [&"learning_rate", &"discount"]
+const _NUMBERS: Array[StringName] = [&"learning_rate", &"discount", &"frame_stack"]
 
 ## How the policy learns.
 @export var algorithm: Algorithm = Algorithm.TRAINER_CHOOSES:
@@ -54,6 +54,9 @@ const _NUMBERS: Array[StringName] = [&"learning_rate", &"discount"]
 @export var critic_hidden_sizes: PackedInt32Array = []
 ## Non-linearity between the layers.
 @export var activation: Activation = Activation.TRAINER_CHOOSES
+## Observations that the network sees together, the last ones of the episode: 4 show how things move;
+## 1: the newest only, negative: the trainer's choice.
+@export_range(-1, 64, 1, "or_greater") var frame_stack: int = -1
 ## Units of a recurrent layer that remembers what the agent saw before; 0: no memory, negative:
 ## the trainer's choice. PPO only.
 @export_range(-1, 512, 1, "or_greater") var memory_size: int = -1

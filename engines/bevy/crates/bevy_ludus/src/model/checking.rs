@@ -8,6 +8,7 @@ use super::policy_model::{
 use crate::wire::{AgentSpec, EpisodeMode, ObservationEntry, PolicySpec, Spec, WorldLayout};
 use serde_json::Map;
 
+const MAX_FRAMES: usize = 256;
 const MAX_LAYERS: usize = 64;
 const MAX_CONVOLUTIONS: usize = 16;
 const MAX_STRIDE: usize = 1 << 16;
@@ -68,6 +69,9 @@ impl ImageSize {
 /// Checks all rules.
 pub(super) fn check(model: &PolicyModel) -> Checked {
     check_spec(model)?;
+    if !(1..=MAX_FRAMES).contains(&model.frames) {
+        return wrong("frames", format!("1 to {MAX_FRAMES}"), model.frames);
+    }
     check_normalisation(model)?;
     check_images(model)?;
     let mut size = model.num_features();
@@ -138,11 +142,8 @@ fn check_normalisation(model: &PolicyModel) -> Checked {
 }
 
 fn check_images(model: &PolicyModel) -> Checked {
-    let entries: Vec<_> = model
-        .observation
-        .iter()
-        .filter(|entry| is_image(entry))
-        .collect();
+    let inputs = model.inputs();
+    let entries: Vec<_> = inputs.iter().filter(|entry| is_image(entry)).collect();
     let expected: Vec<_> = entries.iter().map(|entry| entry.name.as_str()).collect();
     let found: Vec<_> = model
         .images

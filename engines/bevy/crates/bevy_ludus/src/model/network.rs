@@ -53,7 +53,8 @@ impl PolicyNetwork {
     /// Packs a policy.
     #[must_use]
     pub fn new(model: &PolicyModel) -> Self {
-        let entries = || model.observation.iter().enumerate();
+        let inputs = model.inputs();
+        let entries = || inputs.iter().enumerate();
         let vectors = entries().filter(|(_, entry)| !is_image(entry));
         let seen = entries().filter(|(_, entry)| is_image(entry));
         let images = seen.zip(&model.images);
@@ -101,7 +102,8 @@ impl PolicyNetwork {
     /// Computes the outputs of the agents in some slots, `[slots, num_outputs]`.
     ///
     /// `row(entry, slot)` returns what the agent of a slot sees, in little-endian bytes: `entry` is
-    /// the index in the policy's observation. `memory` holds the states of all slots,
+    /// the index in the policy's observation, and of a policy that looks at several frames these are
+    /// all of them, as [`PolicyFrames`](super::PolicyFrames) has them. `memory` holds the states of all slots,
     /// `[n, memory_size]`, and moves on; set a row to zero when an episode begins.
     ///
     /// # Panics

@@ -29,7 +29,7 @@ pub(crate) fn answer(folder: &Path) -> Result<(), Error> {
         .map_err(|error| Error::other(format!("{}: {error}", request.policy.display())))?;
     let inputs = fs::read(folder.join(INPUTS))?;
     let entries: Vec<_> = model
-        .observation
+        .inputs()
         .iter()
         .map(|entry| entry.row_bytes())
         .collect();

@@ -144,14 +144,38 @@ pub struct PolicyModel {
     pub layers: Vec<Linear>,
     /// From outputs to actions.
     pub distribution: Distribution,
+    /// How many observations the network looks at together. Older files have one, and do not say so.
+    #[serde(default = "one", deserialize_with = "fields::whole")]
+    pub frames: usize,
+}
+
+fn one() -> usize {
+    1
 }
 
 impl PolicyModel {
-    /// Returns the number of elements of all entries but images.
+    /// Returns what the network looks at: all frames of each entry, the oldest first.
+    #[must_use]
+    pub fn inputs(&self) -> Vec<ObservationEntry> {
+        let stack = |entry: &ObservationEntry| {
+            let mut shape = vec![self.frames];
+            match is_image(entry) {
+                true => shape.extend(&entry.shape),
+                false => shape.push(entry.size()),
+            }
+            ObservationEntry {
+                shape,
+                ..entry.clone()
+            }
+        };
+        self.observation.iter().map(stack).collect()
+    }
+
+    /// Returns the number of elements of all frames of all entries but images.
     #[must_use]
     pub fn vector_size(&self) -> usize {
         let vectors = self.observation.iter().filter(|entry| !is_image(entry));
-        vectors.map(ObservationEntry::size).sum()
+        vectors.map(ObservationEntry::size).sum::<usize>() * self.frames
     }
 
     /// Returns the number of elements of the joined vector and of the features of all images.

@@ -7,9 +7,10 @@ use std::fs;
 use std::path::PathBuf;
 
 /// Names of all golden policies.
-pub const NAMES: [&str; 10] = [
+pub const NAMES: [&str; 11] = [
     "camera",
     "cameras_with_memory",
+    "frames",
     "gru",
     "mixed",
     "perceptron_elu",

@@ -11,7 +11,8 @@ fn run(model: &PolicyModel) {
     let (mut network, head) = (PolicyNetwork::new(model), ActionHead::new(model));
     let mut memory = vec![0.0; network.memory_size() * 2];
     let rows = |byte| {
-        let entries = model.observation.iter();
+        let inputs = model.inputs();
+        let entries = inputs.iter();
         entries
             .map(|entry| vec![byte; entry.row_bytes()])
             .collect::<Vec<_>>()
@@ -232,8 +233,8 @@ fn missing_keys_are_named_and_unknown_ones_passed_over() {
         .keys()
         .cloned()
         .collect();
-    assert_eq!(keys.len(), 12);
-    for key in keys {
+    assert_eq!(keys.len(), 13);
+    for key in keys.into_iter().filter(|key| key != "frames") {
         let mut policy = whole.clone();
         policy.as_object_mut().expect("an object").remove(&key);
         let error = PolicyModel::read(&bytes(&policy)).expect_err("a missing key");
@@ -243,6 +244,7 @@ fn missing_keys_are_named_and_unknown_ones_passed_over() {
         );
     }
     let mut policy = whole;
+    policy.as_object_mut().expect("an object").remove("frames");
     policy["mood"] = json!({"is": ["good"]});
     policy["layers"][0]["mood"] = json!(1);
     assert!(PolicyModel::read(&bytes(&policy)).is_ok());

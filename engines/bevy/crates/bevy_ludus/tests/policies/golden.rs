@@ -1,7 +1,7 @@
 //! Rust computes every golden policy (POLICY.md §6).
 
 use crate::files::{NAMES, folder, golden};
-use bevy_ludus::model::{ActionHead, PolicyModel, PolicyNetwork};
+use bevy_ludus::model::{ActionHead, PolicyFrames, PolicyModel, PolicyNetwork};
 use bevy_ludus::wire::DType;
 use serde_json::Value;
 use std::fs;
@@ -46,16 +46,19 @@ fn check(name: &str, slots: &[usize]) {
     let (mut network, head) = (PolicyNetwork::new(&model), ActionHead::new(&model));
     let size = network.memory_size();
     let mut memory = vec![0.5; size * num_agents];
+    let mut frames = PolicyFrames::new(&model, num_agents);
     for step in cases["steps"].as_array().expect("steps") {
         for slot in step["begins"].as_array().expect("slots") {
             let slot = slot.as_u64().expect("a slot") as usize;
             memory[slot * size..(slot + 1) * size].fill(0.0);
+            frames.begin(slot);
         }
         let rows = |entry: &bevy_ludus::wire::ObservationEntry| {
             encode(entry.dtype, &step["observation"][&entry.name])
         };
         let seen: Vec<_> = model.observation.iter().map(rows).collect();
-        let row = |entry: usize, slot: usize| seen[entry][slot].as_slice();
+        frames.push(|entry, slot| seen[entry][slot].as_slice(), slots);
+        let row = |entry: usize, slot: usize| frames.row(entry, slot);
         let outputs = network.run(row, slots, &mut memory).to_vec();
         let width = outputs.len() / slots.len();
         for (outputs, slot) in outputs.chunks(width).zip(slots.iter().copied()) {
