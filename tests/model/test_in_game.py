@@ -130,14 +130,14 @@ PLAYERS = {
 }
 
 
-def linear_policy(name: str, weights: list[float]) -> PolicyModel:
+def linear_policy(name: str, weights: list[float], frames: int = 1) -> PolicyModel:
     """Push towards 1 if the weighted sum of the observation is positive, otherwise towards 0."""
     row = np.array(weights, np.float32)
     layer = Linear(np.stack([-row, row]), np.zeros(2, np.float32), "none")
     return PolicyModel(
         policy=name,
         fingerprint="",
-        observation=(ObservationEntry("observation", "float32", (len(weights),)),),
+        observation=(ObservationEntry("observation", "float32", (len(weights) // frames,)),),
         action=(DiscreteAction("push", 2),),
         has_action_mask=False,
         normalisation=None,
@@ -145,6 +145,7 @@ def linear_policy(name: str, weights: list[float]) -> PolicyModel:
         memory=None,
         layers=(layer,),
         distribution=Distribution(np.zeros(0, np.float32)),
+        frames=frames,
     )
 
 
@@ -269,9 +270,15 @@ def lengths_in_training(policy: PolicyModel, target: str) -> list[int]:
     return lengths
 
 
-@pytest.mark.parametrize(("weight", "length"), [(-1.0, 20), (1.0, 3)])
-def test_a_policy_in_the_scene(weight: float, length: int, project: Path, games: Games) -> None:
-    write_model(project / "pole.ludus.json", linear_policy("pole", [weight]))
+@pytest.mark.parametrize(
+    ("weights", "length"),
+    # With two frames, one who looks at the older of them pushes a step too late.
+    [([-1.0], 20), ([1.0], 3), ([0.0, -1.0], 20), ([-1.0, 0.0], 10)],
+)
+def test_a_policy_in_the_scene(
+    weights: list[float], length: int, project: Path, games: Games
+) -> None:
+    write_model(project / "pole.ludus.json", linear_policy("pole", weights, len(weights)))
     game = games.start(project, "res://pole.tscn")
     assert game.wait() == 0, game.lines
     assert f"told pole Agent {2 * length} {length}" in game.lines, game.lines
