@@ -69,6 +69,25 @@ GAMES: dict[str, Game] = {
             "\town.randomize()\n\tx = own.randf_range(-0.5, 0.5)\n\tv = 0.0\n"
         )
     ),
+    "unseeded": Game(
+        broken(
+            "var dice := RandomNumberGenerator.new()\n\nfunc reset() -> void:\n"
+            "\tx = dice.randf_range(-0.5, 0.5)\n\tv = 0.0\n"
+        )
+    ),
+    "shuffling": Game(
+        broken(
+            "func reset() -> void:\n\tvar places := range(1000)\n\tplaces.shuffle()\n"
+            "\tx = places[0] / 2000.0\n\tv = 0.0\n"
+        )
+    ),
+    "waiting": Game(
+        broken(
+            "func reset() -> void:\n\t_place()\n\nfunc _place() -> void:\n"
+            "\tawait get_tree().physics_frame\n\tsuper.reset()\n"
+        )
+    ),
+    "reloading": Game(broken("func reset() -> void:\n\tget_tree().reload_current_scene()\n")),
     "same_start": Game(broken("func reset() -> void:\n\tx = 0.1\n\tv = 0.0\n")),
     "clock": Game(
         broken(

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from pathlib import Path
 
 import pytest
 
-from ludus.check import CheckContext, Finding, Status
+from ludus.check import CheckConfig, CheckContext, Finding, Status
 from ludus.check.actions import check_actions
 from ludus.check.determinism import check_determinism
 from ludus.check.layouts import check_layouts
 from ludus.check.observations import check_observations
 from ludus.check.resets import check_resets
 from ludus.check.seeds import check_seeds
+from ludus.check.suite import check_scripts
 from ludus.check.timing import check_timing
 from ludus.check.vector_env import check_vector_env
+from tests.godot_project import AGENT_SCENE, write_project
 
 pytestmark = pytest.mark.engine
 
@@ -57,11 +60,63 @@ def test_broken_game_is_caught(
     assert found[-1].detail
 
 
-def test_global_randomness_is_not_called_a_defect_of_ludus(checked: Checked) -> None:
-    wrong = [f for f in checked("global_random", check_vector_env) if f.status is Status.FAIL]
-    assert wrong
-    for found in wrong:
-        assert found.hint.startswith("draw all random numbers from LudusWorld.of(self).rng"), found
+@pytest.mark.parametrize(
+    ("game", "check", "title", "cause"),
+    [
+        ("global_random", check_vector_env, "one seed for all", "4 draws randf_range(), "),
+        ("own_random", check_determinism, "two processes", "5 calls randomize(), "),
+        ("unseeded", check_seeds, "the same seed twice", "3 makes a RandomNumberGenerator, "),
+        ("shuffling", check_determinism, "two processes", "5 draws shuffle(), "),
+        ("waiting", check_resets, "reset() forgets", "7 awaits in _place(), which reset() calls; "),
+        ("reloading", check_resets, "reset() forgets", "4 calls reload_current_scene(), "),
+    ],
+)
+def test_likely_cause_is_named_by_script_and_line(
+    checked: Checked, game: str, check: Check, title: str, cause: str
+) -> None:
+    wrong = [f for f in checked(game, check) if f.status is Status.FAIL]
+    found = next((f for f in wrong if title in f.title), None)
+    assert found, wrong
+    assert found.hint.startswith(f"res://{game}.gd:{cause}"), found.hint
+    assert all("defect of Ludus" not in f.hint for f in wrong)
+
+
+GODOT3_GAME = """\
+extends Node2D
+var x := 0.0
+
+func apply_action(action: int) -> void:
+	x += action
+
+func get_observation() -> PoolRealArray:
+	return PoolRealArray([x])
+
+func get_reward() -> float:
+	return 0.0
+
+func is_done() -> bool:
+	return false
+
+func reset() -> void:
+	yield(get_tree(), "idle_frame")
+	x = rand_range(0.0, 1.0)
+
+func leave() -> void:
+	get_tree().change_scene("res://menu.tscn")
+"""
+
+
+def test_likely_causes_are_named_in_godot3(tmp_path: Path) -> None:
+    scene = AGENT_SCENE["godot3"].format(script="game", root="Node2D")
+    files = {"game.gd": GODOT3_GAME, "game.tscn": scene}
+    game = write_project(tmp_path / "game", files, main="game", kind="godot3")
+    with CheckContext(CheckConfig(target=game, num_steps=12)) as context:
+        (warned,) = check_scripts(context)
+        (found, *_) = check_resets(context)
+    assert (warned.status, found.status) == (Status.WARN, Status.FAIL)
+    assert warned.detail.startswith("res://game.gd:21: calls change_scene(), which cannot work")
+    assert "res://game.gd:17 yields in reset(); reset() must be done when it returns" in found.hint
+    assert "res://game.gd:18 draws rand_range(), which no seed of the world" in found.hint
 
 
 def test_first_divergence_names_step_element_and_both_values(checked: Checked) -> None:

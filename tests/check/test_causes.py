@@ -13,7 +13,9 @@ RNG = "LudusWorld.of(self).rng"
 
 
 def hint(*texts: str, has_casts: bool = False) -> str:
-    scripts = tuple(Script(f"res://{name}.gd", text) for name, text in zip("ab", texts))
+    scripts = tuple(
+        Script(f"res://{name}.gd", text) for name, text in zip("ab", texts, strict=False)
+    )
     return name_causes(scripts, "unknown", has_casts=has_casts)
 
 
@@ -65,7 +67,7 @@ def test_line_is_named(line: str, cause: str) -> None:
         "var dice := RandomNumberGenerator.new()\n\nfunc reset():\n\tdice.seed = 4\n",
         "var dice = RandomNumberGenerator.new()\n\nfunc reset():\n\tbegin(3)\n\n"
         "func begin(x):\n\tdice.set_seed(x)\n",
-        "var dice := RandomNumberGenerator.new()\n\nfunc deal():\n\tdice.seed = world.rng.randi()\n",
+        "var d := RandomNumberGenerator.new()\n\nfunc deal():\n\td.seed = world.rng.randi()\n",
         "func die():\n\tawait get_tree().create_timer(1.0).timeout\n\nfunc reset():\n\tpass\n",
         "func reset():\n\tpass\n\nvar hp: int:\n\tset(value):\n\t\tawait act()\n",
         "func act():\n\tmanager.change_scene(3)\n",
@@ -118,7 +120,7 @@ def test_looks_into_the_physics_space_are_named_where_they_matter() -> None:
 def test_functions_of_reset_are_found_through_calls() -> None:
     text = (
         "func reset() -> void: begin(Vector2(0, 0))\n"
-        "static func begin(\n\t\tplace = Vector2(1, 2), by = 3) -> void:\n\tother.reset()\n\tend()\n"
+        "static func begin(\n\t\tat = Vector2(1, 2), by = 3) -> void:\n\tother.reset()\n\tend()\n"
         "func end():\n\tbegin()\nfunc alone():\n\tend()\n"
     )
     found = functions_of_reset([Script("res://a.gd", text)])
@@ -126,8 +128,8 @@ def test_functions_of_reset_are_found_through_calls() -> None:
 
 
 FILES = {
-    "project.godot": 'config_version=5\n[autoload]\nGlobal="*res://global.gd"\nIdle="*res://idle.gd"\n',
-    "game.tscn": '[gd_scene]\n[ext_resource type="Script" uid="uid://1" path="res://a/game.gd" id="1"]\n'
+    "project.godot": '[autoload]\nGlobal="*res://global.gd"\nIdle="*res://idle.gd"\n',
+    "game.tscn": '[ext_resource type="Script" uid="uid://1" path="res://a/game.gd" id="1"]\n'
     '[ext_resource path="res://a/boss.tscn" type="PackedScene" id=2]\n'
     '[ext_resource path="res://addons/ludus/world/ludus_world.gd" type="Script" id=3]\n'
     '[ext_resource path="res://missing.gd" type="Script" id=4]\n',

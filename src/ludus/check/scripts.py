@@ -30,7 +30,7 @@ _FUNCTION = re.compile(
     r"(?:[ \t]*\n|\1[ \t]+[^\n]*\n)*",
     re.MULTILINE,
 )
-_CLASS_NAME = re.compile(r'^[^#\n"]*\bclass_name[ \t]+(\w+)', re.MULTILINE)
+_CLASS_NAME = re.compile(r"^[^#\n]*\bclass_name[ \t]+(\w+)", re.MULTILINE)
 _LOADED = re.compile(r"""\b(?:preload|load|extends)\b[\s(]*["']([^"'\n]+)["']""")
 _RESOURCE = re.compile(r'^\[ext_resource [^\]\n]*?\bpath="([^"]+)"', re.MULTILINE)
 _CALL = re.compile(r"\b(\w+)\s*\(")
