@@ -19,6 +19,10 @@ __all__ = ["check_seeds"]
 
 RNG_HINT = "draw all random numbers from LudusWorld.of(self).rng, and do not read the clock"
 SHARED_HINT = "the copies share something: a static variable, an autoload, a group, get_tree().root"
+SAME_START_HINT = (
+    "the game uses no randomness, or does not draw it from LudusWorld.rng; then all worlds play "
+    "the same episodes"
+)
 ROUNDING = 1e-3
 """In units of an element's usual size."""
 OTHER_SEED = 1_000_003
@@ -85,8 +89,7 @@ def _other_seed(context: CheckContext) -> Finding:
     return warn(
         title,
         "every first observation was the same with another seed",
-        "the game uses no randomness, or does not draw it from LudusWorld.rng; then all worlds "
-        "play the same episodes",
+        name_causes(context.scripts, SAME_START_HINT),
     )
 
 
