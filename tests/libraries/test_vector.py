@@ -8,6 +8,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+import psutil
 import pytest
 from gymnasium.vector import AutoresetMode
 
@@ -230,3 +231,19 @@ def test_gymnasium_makes_the_registered_examples() -> None:
         assert envs.step(envs.action_space.sample())[1].shape == (32,)
     finally:
         envs.close()
+
+
+def test_a_game_that_was_killed_is_started_again(oracle: Path) -> None:
+    others = set(psutil.Process().children(recursive=True))
+    envs = ludus.make_vec(oracle, num_worlds=2)
+    envs.reset(seed=3)
+    (game,) = set(psutil.Process().children(recursive=True)) - others
+    game.kill()
+    _, reward, terminated, truncated, infos = envs.step(np.zeros(2, np.int64))
+    assert truncated.all() and not terminated.any() and not reward.any()
+    assert infos["_final_obs"].all()
+    (second,) = set(psutil.Process().children(recursive=True)) - {*others, game}
+    assert second.is_running()
+    observation, *_ = envs.step(np.zeros(2, np.int64))
+    assert observation[:, 1].tolist() == [1.0, 1.0]
+    envs.close()
