@@ -52,6 +52,7 @@ fn policy(layers: Vec<Linear>, memory: Option<Memory>) -> PolicyModel {
             log_std_range: [-20.0, 2.0],
             is_squashed: false,
         },
+        frames: 1,
     }
 }
 
