@@ -30,8 +30,8 @@ ROOT = Path(__file__).parents[2]
 SAC_METRICS = {
     "q_loss", "mean_q", "temperature", "temperature_loss", "gradient_steps", "replay_size",
 }  # fmt: skip
-# Metrics that a run of PPO without self-play and demonstrations does not have.
-ELSEWHERE = {"elo", "imitation_weight", "imitation_loss"} | SAC_METRICS
+# Metrics that a run of PPO without self-play, demonstrations and curiosity does not have.
+ELSEWHERE = {"elo", "imitation_weight", "imitation_loss", "novelty"} | SAC_METRICS
 
 
 def newest(run: Path) -> Checkpoint:
