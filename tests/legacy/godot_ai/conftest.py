@@ -15,6 +15,7 @@ import psutil
 import pytest
 import torch
 
+from ludus.serve.godot_ai import server
 from ludus.serve.godot_ai.serving import ServeConfig, serve
 
 DEADLINE_S = 60.0
@@ -114,10 +115,10 @@ class Running:
 
     def stop(self) -> None:
         self._is_stopping.set()
-        self._thread.join(DEADLINE_S)
-        assert not self._thread.is_alive()
         for client in self._clients:
             client.close()
+        self._thread.join(DEADLINE_S)
+        assert not self._thread.is_alive()
         if self.error is not None:
             raise self.error
 
@@ -135,7 +136,7 @@ def project(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def start(project: Path) -> Iterator[Start]:
-    """Starts servers of the project, and ends them."""
+    """Starts servers of the project, and ends them; each looks often whether it shall."""
     num_threads = torch.get_num_threads()
     started: list[Running] = []
 
@@ -144,9 +145,11 @@ def start(project: Path) -> Iterator[Start]:
         started.append(Running(ServeConfig(**{**values, **changes})))
         return started[-1]
 
-    yield begin
-    for running in started:
-        running.stop()
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(server, "POLL_S", 0.01)
+        yield begin
+        for running in started:
+            running.stop()
     torch.set_num_threads(num_threads)
 
 
