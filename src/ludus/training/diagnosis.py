@@ -51,7 +51,7 @@ TROUBLES = {
     "entropy-collapsed": "it takes nearly the same actions each time, and returns are in the lower "
     "half of what it has reached; raise entropy_coefficient, or lower learning_rate",
     "blind-critic": "the critic predicts none of the returns; check that observations show what "
-    "rewards depend on, or set memory_size",
+    "rewards depend on, or set frame_stack or memory_size",
     "evaluation-below-training": "the most probable actions earn far less than drawn ones; "
     "ludus evaluate RUN --stochastic plays as in training, longer training or a lower "
     "entropy_coefficient narrow the gap",
