@@ -16,9 +16,9 @@ class ActionFlags:
     """How trained agents choose their actions.
 
     Attributes:
-        stochastic: Sample actions as in training (the default of ludus league).
-        deterministic: Take the most probable actions (the default of ludus evaluate, play and
-            record).
+        stochastic: Draw actions as in training, which of all commands only ludus league does by
+            itself.
+        deterministic: Take the most probable actions, as all other commands do by themselves.
     """
 
     stochastic: bool = False
