@@ -38,7 +38,9 @@ def test_numpy_computes_the_golden_cases(name: str) -> None:
         memory[begins] = 0.0
         before = memory if runner.memory_size else None
         observation, mask = inputs(model, step)
-        observation = stack.push(observation, np.isin(np.arange(num_agents), begins))
+        is_first = np.zeros(num_agents, np.bool_)
+        is_first[begins] = True
+        observation = stack.push(observation, is_first)
         outputs, _ = runner.outputs(observation, before)
         np.testing.assert_allclose(outputs, step["outputs"], atol=2e-6)
         actions, after = runner.act(observation, mask, before)

@@ -54,8 +54,8 @@ const _NUMBERS: Array[StringName] = [&"learning_rate", &"discount", &"frame_stac
 @export var critic_hidden_sizes: PackedInt32Array = []
 ## Non-linearity between the layers.
 @export var activation: Activation = Activation.TRAINER_CHOOSES
-## Observations that the network sees together, the last ones of the episode: 4 show how things move;
-## 1: the newest only, negative: the trainer's choice.
+## Observations that the network sees together, the last ones of the episode: 4 show how things
+## move; 1: the newest only, negative: the trainer's choice.
 @export_range(-1, 64, 1, "or_greater") var frame_stack: int = -1
 ## Units of a recurrent layer that remembers what the agent saw before; 0: no memory, negative:
 ## the trainer's choice. PPO only.
