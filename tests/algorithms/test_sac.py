@@ -278,6 +278,7 @@ def test_takes_the_gradient_steps_it_owes() -> None:
     assert sac.num_steps_left == 10
 
 
+@pytest.mark.slow
 def test_gradient_steps_drawn_together_equal_single_ones() -> None:
     sac = learner(CONTINUOUS, replace(CONFIG, updates_per_step=40.0))
     play(sac, 10, learns=False)

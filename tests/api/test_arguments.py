@@ -91,6 +91,7 @@ def _calls(run: ludus.Run, folder: Path) -> dict[str, tuple[Callable[..., Any], 
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [

@@ -217,6 +217,7 @@ class Gate(nn.Module):
         return self.gate(x).sigmoid() * self.value(x)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
 def test_a_network_of_a_script_learns_and_runs_in_onnx(train_small: Any, algorithm: str) -> None:
     sac = {"hidden_sizes": [16], "learning_starts": 32, "report_steps": 8, "batch_size": 32}

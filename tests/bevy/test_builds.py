@@ -51,6 +51,7 @@ def features_of_bevy(build: list[str]) -> dict[str, str]:
     return dict(re.findall(r"^(bevy_\w+) v0\.19\S*[^|\n]*\|(\S*)", done.stdout, re.MULTILINE))
 
 
+@pytest.mark.slow
 def test_bevy_is_compiled_with_its_renderer_and_without() -> None:
     features: defaultdict[str, set[str]] = defaultdict(set)
     for build in (found := builds()):

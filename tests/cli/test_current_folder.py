@@ -94,6 +94,7 @@ def run(command: list[str], *arguments: str) -> subprocess.CompletedProcess[str]
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", [SCRIPT, MODULE, SERVER], ids=["script", "module", "server"])
 @pytest.mark.parametrize("arguments", ["engine list", "train --help"])
 def test_no_file_of_the_current_folder_runs(
@@ -112,6 +113,7 @@ def test_no_command_runs_a_file_of_the_current_folder(folder: Path) -> None:
     assert not (folder / "ran").exists(), (folder / "ran").read_text()
 
 
+@pytest.mark.slow
 def test_a_game_and_its_neighbours_are_imported_and_nothing_else(folder: Path) -> None:
     (folder / "my_games.py").write_text(GAMES)
     (folder / "game.py").write_text(GAME)

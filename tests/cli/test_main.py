@@ -139,6 +139,7 @@ def test_a_missing_extra_is_named(command: Any, capsys: pytest.CaptureFixture[st
     assert error == f"error: torch is not installed\nhint: {install_hint('train')}\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "package", "extra"),
     [

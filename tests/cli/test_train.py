@@ -152,6 +152,7 @@ def test_bad_input(
     assert not list(tmp_path.glob("runs/*"))
 
 
+@pytest.mark.slow
 def test_train_evaluate_resume(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     runs = str(tmp_path)
     assert main(["train", TARGET, *SMALL, "--runs", runs, "--name", "r", "--json"]) == 0

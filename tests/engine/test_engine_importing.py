@@ -33,6 +33,7 @@ def broken_engine(engine: InstalledEngine, body: str) -> InstalledEngine:
     return engine
 
 
+@pytest.mark.slow
 def test_every_kind_of_change_is_noticed(
     counting_engine: InstalledEngine, tiny_project: Path
 ) -> None:
@@ -130,6 +131,7 @@ def test_failed_import_shows_the_log(counting_engine: InstalledEngine, tiny_proj
     assert needs_import(engine, find_project(tiny_project))
 
 
+@pytest.mark.slow
 def test_hanging_import_ends(counting_engine: InstalledEngine, tiny_project: Path) -> None:
     engine = broken_engine(counting_engine, "echo started; sleep 60")
     with pytest.raises(EngineTimeout, match=r"(?s)within 2 s.*\| started"):

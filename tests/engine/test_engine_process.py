@@ -287,6 +287,7 @@ def test_forgotten_process_is_ended(family: Path) -> None:
     until(lambda: not group_members(pid))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "ending",
     [

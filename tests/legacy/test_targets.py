@@ -96,6 +96,7 @@ def test_other_machines_are_kept_out() -> None:
         ludus.make("gymgodot:0.0.0.0:8000", **GYMGODOT)
 
 
+@pytest.mark.slow
 def test_address_without_a_game_times_out() -> None:
     own = {name: value for name, value in GODOT_GYM_API.items() if name != "engine_address"}
     with pytest.raises(EngineStartError, match=r"no game listened at 127\.0\.0\.1:1 within 0\.5 s"):

@@ -71,6 +71,7 @@ def assert_equal(own: Any, theirs: Any) -> None:
         np.testing.assert_equal(list(own[-1].get(key, ())), list(theirs[-1].get(key, ())))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["same_step", "next_step", "disabled"])
 @pytest.mark.parametrize("env_id", ["CartPole-v1", "Pendulum-v1", "MaskedImage-v0"])
 def test_modes_equal_gymnasiums_own_to_the_bit(env_id: str, mode: str) -> None:

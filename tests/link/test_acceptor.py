@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import select
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 
 import pytest
@@ -36,20 +37,25 @@ class Visitors:
         connection.sendall(said)
         return connection
 
-    def look(self, seconds: float = 0.3) -> list[PendingConnection]:
-        """Accept for a while; return who has proved itself."""
+    def look(
+        self,
+        seconds: float = 0.3,
+        until: Callable[[list[PendingConnection]], object] = lambda proven: False,
+    ) -> list[PendingConnection]:
+        """Accept for a while, or until something holds; return who has proved itself."""
         deadline = time.monotonic() + seconds
         proven: list[PendingConnection] = []
-        while time.monotonic() < deadline:
+        while time.monotonic() < deadline and not until(proven):
             proven += self.acceptor.await_proven(0.02)
         return proven
 
     def is_game_accepted(self, token: str = TOKEN) -> bool:
         """Connect a game that knows a token; return whether it was accepted."""
-        talk = Talk(self.connect(json_frame("HELLO", HELLO)), FLAT)
-        self.look()
+        connection = self.connect(json_frame("HELLO", HELLO))
+        talk = Talk(connection, FLAT)
+        self.look(until=lambda _: select.select([connection], [], [], 0)[0])
         talk.prove(token=token)
-        proven = self.look()
+        proven = self.look(until=len)
         for connection in proven:
             connection.socket.close()
         return len(proven) == 1

@@ -31,6 +31,7 @@ def nothing() -> None:
     pass
 
 
+@pytest.mark.slow
 def test_check_is_called_four_times_a_second(ends: tuple[ByteStream, socket.socket]) -> None:
     checks: list[float] = []
     start = time.monotonic()
@@ -61,11 +62,13 @@ def test_check_can_end_the_wait(ends: tuple[ByteStream, socket.socket]) -> None:
         ends[0].receive(time.monotonic() + 60.0, check)
 
 
+@pytest.mark.slow
 def test_peer_that_never_reads_times_out(ends: tuple[ByteStream, socket.socket]) -> None:
     with pytest.raises(EngineTimeout, match=r"the game read nothing for 0\.5 s"):
         ends[0].send(LONG, 0.5)
 
 
+@pytest.mark.slow
 def test_long_message_to_a_peer_that_reads_late(ends: tuple[ByteStream, socket.socket]) -> None:
     ours, theirs = ends
     echo = threading.Thread(target=read_late_and_answer, args=(theirs,))

@@ -96,6 +96,7 @@ def test_a_report_that_cannot_be_read_is_an_error(tmp_path: Path, text: str) -> 
     assert is_gone(tmp_path)
 
 
+@pytest.mark.slow
 def test_a_game_without_episodes_is_given_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

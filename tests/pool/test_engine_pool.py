@@ -211,6 +211,7 @@ def test_the_sequence_is_kept(fleet: Fleet) -> None:
 # Engines that die
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_frozen", [False, True])
 def test_a_lost_engine_is_started_again(
     fleet: Fleet, is_frozen: bool, caplog: pytest.LogCaptureFixture
@@ -388,6 +389,7 @@ def test_leaving_the_block_ends_all(fleet: Fleet) -> None:
     pool.close()
 
 
+@pytest.mark.slow
 def test_timeouts_are_errors_of_the_engine(fleet: Fleet) -> None:
     fleet.deaths = {(0, 0): 1}
     fleet.frozen = {(0, 0)}

@@ -186,6 +186,7 @@ def test_a_step_is_not_disturbed(games: Games, method: str) -> None:
     assert pool.take_requests() == [SAVE, STOP]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_frozen", [False, True], ids=["crashed", "frozen"])
 @pytest.mark.parametrize("method", CALLS)
 def test_an_engine_that_goes_meanwhile_is_started_again(
@@ -245,6 +246,7 @@ def test_a_reset_forgets_a_step_that_was_sent_to_a_lost_engine(games: Games) -> 
     assert not pool.step(zeros(pool))["cart"].truncated.any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("is_frozen", "kind"), [(False, EngineCrashed), (True, EngineTimeout)])
 @pytest.mark.parametrize("method", CALLS)
 def test_without_restarts_an_error_ends_all(

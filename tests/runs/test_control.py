@@ -98,6 +98,7 @@ def test_requests_change_a_running_run(small: Any) -> None:
     assert saved == [f"step-{step:012d}" for step in steps]
 
 
+@pytest.mark.slow
 def test_a_mode_lasts_over_a_resumption_unless_the_settings_change(small: Any) -> None:
     config = small(total_steps=640, checkpoint_every_updates=None)
     run = config.runs / "run"
@@ -130,6 +131,7 @@ def test_frozen_weights_stay_and_a_schedule_is_followed(small: Any) -> None:
     assert moved == [bool(mode) for mode in learning]
 
 
+@pytest.mark.slow
 def test_a_folder_is_trained_in_by_one_process_only(small: Any) -> None:
     config = small()
     result = train(config)

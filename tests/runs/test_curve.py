@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from ludus.runs.curve import draw_learning_curve, space_apart, subsample
@@ -43,6 +44,7 @@ def test_labels_at_one_height_are_moved_apart() -> None:
     assert space_apart([2.0, 9.0, 2.5, 2.0], 1.0) == [1.25, 9.0, 3.25, 2.25]
 
 
+@pytest.mark.slow
 def test_curves_of_several_policies(tmp_path: Path) -> None:
     metrics = write_metrics(tmp_path / "metrics.jsonl", 500, "hunter", "prey")
     assert draw_learning_curve(metrics, tmp_path / "curve.png", "a chase")

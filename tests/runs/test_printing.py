@@ -32,6 +32,7 @@ def test_errors_and_logs_are_escaped() -> None:
 NAMES = [r"$\frac$", "$x^$", "a$b", "[/]", "[red]", ":smile:", "a b"]
 
 
+@pytest.mark.slow
 def test_names_are_drawn_as_they_are(tmp_path: Path) -> None:
     policies = ", ".join(
         f'"{name}": {{"mean_return": 1.0, "return_p10": 0.0, "return_p90": 2.0}}'

@@ -92,6 +92,7 @@ def test_no_command_starts_what_a_foreign_run_names(
     assert not was_started(program)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["train", "evaluate", "play", "league"])
 def test_trust_is_said_once(
     name: str, run: Path, program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

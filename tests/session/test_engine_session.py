@@ -169,6 +169,7 @@ def test_wrong_actions_leave_the_session_usable(open_with: Opener) -> None:
 # An engine that breaks off, or breaks the rules, in the middle
 
 
+@pytest.mark.slow
 def test_a_silent_engine_times_out(open_with: Opener) -> None:
     session = open_with(answering({}), step_timeout_s=1.0)
     reset(session)

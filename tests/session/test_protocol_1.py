@@ -52,6 +52,7 @@ def write_game(folder: Path, which: int = -1, versions: str = '{"min": 1, "max":
     return Executable(program)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", [0, -1], ids=["unix", "tcp"])
 def test_a_game_that_is_started_here_plays_with_one_warning(
     tmp_path: Path, which: int, caplog: pytest.LogCaptureFixture

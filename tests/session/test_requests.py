@@ -160,6 +160,7 @@ def odd_answers() -> list[bytes]:
     return answers
 
 
+@pytest.mark.slow
 def test_odd_answers_raise_only_documented_errors(open_with: Opener) -> None:
     """One engine sees to as many answers as it can; an error ends it."""
     answers = odd_answers()

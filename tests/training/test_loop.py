@@ -91,6 +91,7 @@ def test_events_can_be_read_by_tensorboard(small: Any) -> None:
     assert ("run/steps_per_s", 64) in values
 
 
+@pytest.mark.slow
 def test_equal_seeds_give_equal_weights(small: Any) -> None:
     first, second = train(small(name="a")), train(small(name="b"))
     other = train(small(name="c", seed=8))
@@ -98,6 +99,7 @@ def test_equal_seeds_give_equal_weights(small: Any) -> None:
     assert not is_equal(newest(first.path), newest(other.path))
 
 
+@pytest.mark.slow
 def test_resume_continues_the_run(small: Any) -> None:
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
@@ -128,6 +130,7 @@ def test_resume_replaces_a_corrupt_newest_checkpoint(
     assert newest(first.path).agent_steps == 640
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ppo", [{}, {"curiosity": 0.5}, {"frame_stack": 3}], ids=str)
 def test_exact_resume_equals_an_uninterrupted_run(ppo: dict[str, Any], small: Any) -> None:
     ppo = {"learning_rate_schedule": "constant", **ppo}

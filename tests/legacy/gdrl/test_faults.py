@@ -95,6 +95,7 @@ def test_wrong_introduction_is_one_error(
     assert hint in (caught.value.hint or "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "what"),
     [
@@ -109,6 +110,7 @@ def test_game_that_never_introduces_itself_times_out(name: str, what: str) -> No
     assert "control_mode is Training" in caught.value.hint
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "error", "what"),
     [

@@ -60,6 +60,7 @@ def encoded(message: Any) -> bytes:
     return json.dumps(message).encode()
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(message=INTRODUCTIONS | JUNK)
 def test_any_introduction_is_read_or_refused(message: Any) -> None:
@@ -73,6 +74,7 @@ def test_any_introduction_is_read_or_refused(message: Any) -> None:
     assert rows == list(range(message["n_agents"]))
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(message=STEPS | JUNK)
 def test_any_answer_is_read_or_refused(message: Any) -> None:

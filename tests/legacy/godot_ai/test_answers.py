@@ -91,6 +91,7 @@ def test_actions_are_drawn_unless_deterministic(client: Client) -> None:
     assert np.std(drawn) > 0.3
 
 
+@pytest.mark.slow
 def test_it_learns_what_brings_reward(client: Client) -> None:
     for seed in range(4):
         client.submit(replays(120, seed=seed, done=1))

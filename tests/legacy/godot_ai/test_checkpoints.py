@@ -83,6 +83,7 @@ def test_optimisers_and_critics_come_back_too(start: Start, project: Path) -> No
     assert learn(client, seed=5) == after_restart
 
 
+@pytest.mark.slow
 def test_equal_seeds_equal_bits(start: Start, project: Path) -> None:
     def play(seed: int) -> tuple[Any, Any]:
         running = start(seed=seed)
@@ -118,6 +119,7 @@ def test_a_fresh_agent_keeps_the_checkpoints_of_the_one_before(
     assert weights(begin(start, is_loaded=True)) == before
 
 
+@pytest.mark.slow
 def test_other_settings_are_refused_and_nothing_is_lost(start: Start, project: Path) -> None:
     first = start()
     client = first.client()

@@ -65,6 +65,7 @@ def commands(folder: Path) -> Iterator[GodotAi]:
     logging.getLogger("ludus.serve").setLevel(logging.NOTSET)
 
 
+@pytest.mark.slow
 @settings(
     max_examples=400, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )

@@ -7,6 +7,7 @@ import json
 import tracemalloc
 from typing import Any
 
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -32,6 +33,7 @@ PAYLOADS = st.binary(max_size=60) | (ANSWERS | JUNK).map(lambda value: json.dump
 MODULES = st.sampled_from([None, WALK])
 
 
+@pytest.mark.slow
 @settings(max_examples=400, deadline=None)
 @given(payload=PAYLOADS, module=MODULES)
 @example(payload=b'{"$bytes":""}', module=None)  # an object in JSON, bytes in Godot's
@@ -67,6 +69,7 @@ def test_json_answers_are_read(data: bytes, fields: dict[str, float]) -> None:
     assert repr(dict(state["world"])) == repr(fields)
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(request=st.dictionaries(st.text(max_size=8), JUNK, max_size=3))
 def test_any_request_is_json_or_refused(request: dict[str, Any]) -> None:

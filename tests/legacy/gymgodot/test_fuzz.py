@@ -56,6 +56,7 @@ SPACES = st.sampled_from(
 READERS: list[Callable[[bytes], Any]] = [read_step, read_reset, read_render]
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(message=MESSAGES, reader=st.sampled_from(READERS))
 def test_any_message_raises_documented_errors_only(
@@ -79,6 +80,7 @@ def test_deeply_nested_messages_are_refused(text: str, reader: Callable[[bytes],
         reader(text.encode())
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(space=SPACES, value=st.lists(NUMBERS, min_size=1, max_size=2) | JUNK)
 def test_any_observation_is_checked(space: spaces.Space[Any], value: Any) -> None:
