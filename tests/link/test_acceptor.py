@@ -56,8 +56,8 @@ class Visitors:
         self.look(until=lambda _: select.select([connection], [], [], 0)[0])
         talk.prove(token=token)
         proven = self.look(until=len)
-        for connection in proven:
-            connection.socket.close()
+        for one in proven:
+            one.socket.close()
         return len(proven) == 1
 
 
