@@ -185,8 +185,9 @@ def test_whoever_only_looks_for_gymnasium_leaves_the_ids_to_its_import() -> None
 
 
 def test_unknown_settings_are_refused(oracle: Path) -> None:
-    with pytest.raises(UsageError, match="unknown setting"):
-        ludus.make(oracle, num_players=2)
+    with pytest.raises(UsageError, match="unexpected keyword argument 'num_world'") as unknown:
+        ludus.make(oracle, num_world=1)
+    assert unknown.value.hint == "did you mean num_worlds?"
     with pytest.raises(TypeError, match="unexpected keyword argument 'frameskip'"):
         gymnasium.make("ludus/CartPole-v0", frameskip=4)
     with pytest.raises(UsageError, match="one world, but num_worlds is 3"):

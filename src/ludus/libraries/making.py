@@ -12,7 +12,14 @@ from gymnasium.vector import AutoresetMode
 from ludus.arguments import check_arguments
 from ludus.engine.bevy_build import with_view
 from ludus.engine.screen import with_display
-from ludus.errors import ArgumentError, EngineError, LudusError, SetupError, UsageError
+from ludus.errors import (
+    ArgumentError,
+    EngineError,
+    LudusError,
+    SetupError,
+    UsageError,
+    did_you_mean,
+)
 from ludus.libraries.autoreset import read_mode
 from ludus.libraries.others import Player
 from ludus.libraries.recipe import Recipe
@@ -204,11 +211,11 @@ def open_game(
     check_accepted(function, parsed)
     if isinstance(parsed, Legacy):
         settings = _split_for_bridge(settings)
-    try:
-        config = PoolConfig(**settings)
-    except TypeError as error:
-        known = ", ".join(PoolConfig.__dataclass_fields__)
-        raise ArgumentError(f"unknown setting: {error}", hint=f"settings are {known}") from error
+    known = PoolConfig.__dataclass_fields__
+    for unknown in settings.keys() - known:  # TorchRL looks for just these words
+        hint = did_you_mean(unknown, known, "settings are")
+        raise ArgumentError(f"unexpected keyword argument {unknown!r}", hint)
+    config = PoolConfig(**settings)
     if render_mode == "human":
         launch = replace(config.launch, is_windowed=True, is_real_time=True)
         config = replace(config, launch=launch)
