@@ -284,6 +284,22 @@ def test_a_policy_in_the_scene(
     assert f"told pole Agent {2 * length} {length}" in game.lines, game.lines
 
 
+@pytest.mark.parametrize("is_in_scene", [True, False])
+def test_an_observation_that_is_no_number_is_told_once(
+    is_in_scene: bool, project: Path, games: Games
+) -> None:
+    script = project / "pole.gd"
+    script.write_text(script.read_text().replace("return [lean]", "return [sqrt(-1.0)]"))
+    write_model(project / "pole.ludus.json", linear_policy("pole", [-1.0]))
+    policy = f"--ludus-policy=pole={project / 'pole.ludus.json'}"
+    game = games.start(project, "res://pole.tscn", *([] if is_in_scene else [policy]))
+    # Whoever names a policy in the command line sees no other sign that something is wrong.
+    assert game.wait() == (0 if is_in_scene else 1), game.lines
+    warnings = [line for line in game.lines if 'observation["observation"][0] is ' in line]
+    assert len(warnings) == 1 and "world 0, agent Agent" in warnings[0], game.lines
+    assert any(line.startswith("told pole") for line in game.lines) == is_in_scene
+
+
 def test_a_policy_without_the_autoload(project: Path, games: Games) -> None:
     write_model(project / "pole.ludus.json", linear_policy("pole", [-1.0]))
     settings, scene = project / "project.godot", project / "pole.tscn"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import math
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -15,6 +15,7 @@ from ludus.play.command_line import play_command
 from ludus.play.episodes import EpisodeCounter, OnEpisode
 from ludus.play.interactive import CONTROLS, PlayConfig
 from ludus.target import check_accepted, parse_target
+from ludus.wire.godot_json import parse_godot_json
 
 __all__ = ["play_in_engine"]
 
@@ -71,13 +72,21 @@ def _user_args(files: Mapping[str, Path], is_stochastic: bool) -> tuple[str, ...
 def _read_report(line: str) -> tuple[str, float, int]:
     """Return policy, return and length of an episode that the game reported."""
     try:
-        report = cast(dict[str, Any], json.loads(line))
-        return str(report["policy"]), float(report["return"]), int(report["length"])
+        report = cast(dict[str, Any], parse_godot_json(line.encode()))
+        policy, total, length = str(report["policy"]), report["return"], int(report["length"])
+        # Rust, and Godot since 4.5, write null for NaN.
+        episode_return = math.nan if total is None else float(total)
     except (ValueError, KeyError, TypeError) as error:
         raise GameError(
             f"the game reported an episode as {line!r}: {type(error).__name__}: {error}",
             hint="its add-on may be of another version: ludus addon install PROJECT",
         ) from None
+    if not math.isfinite(episode_return):
+        raise GameError(
+            f"{policy}: an episode of {length} steps has the return {episode_return}",
+            hint="a reward was NaN or infinite: look for a division by zero in the game's script",
+        )
+    return policy, episode_return, length
 
 
 def _follow(

@@ -329,6 +329,14 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 	set_actions(layout.random_choices(num, rng), layout.random_numbers(num, rng))
 
 
+## Names world, agent and step of a slot.
+func where(slot: int) -> String:
+	var agent: LudusAgent = agents[slot]
+	if agent == null:
+		return "policy %s, slot %d" % [policy_name, slot]
+	return "world %d, agent %s, step %d" % [_slot_worlds[slot], agent.path_in_world(), _steps[slot]]
+
+
 func _apply() -> void:
 	if layout.num_discrete == 1 and layout.continuous_size == 0:
 		for slot in _targets.size():
@@ -422,11 +430,4 @@ func _entry_bytes(slot: int, entry: LudusObservationEntry, value) -> PoolByteArr
 func _fail(slot: int, what: String, expected: String, got) -> void:
 	if error.empty():
 		var found := LudusObservationEntry.describe_value(got)
-		error = "%s: %s: expected %s, got %s" % [_where(slot), what, expected, found]
-
-
-func _where(slot: int) -> String:
-	var agent: LudusAgent = agents[slot]
-	if agent == null:
-		return "policy %s, slot %d" % [policy_name, slot]
-	return "world %d, agent %s, step %d" % [_slot_worlds[slot], agent.path_in_world(), _steps[slot]]
+		error = "%s: %s: expected %s, got %s" % [where(slot), what, expected, found]

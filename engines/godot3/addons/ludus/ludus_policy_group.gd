@@ -5,14 +5,19 @@ extends Reference
 ## What an agent lives through is told by a [LudusPolicyBatch], as in training. The episodes are up
 ## to [LudusPolicyPlayer].
 
+const INFINITE := '%s: observation["%s"][%d] is %s: look for a division by zero in the game'
+
 ## What the agents have in common, and their steps.
 var batch: LudusPolicyBatch
 ## The [LudusWorld] of the agent in each slot.
 var worlds: Array = []
 ## Physics ticks per decision.
 var ticks_per_step: int = 1
+## What is wrong with an observation, when that is first seen; the agents play on.
+var warning: String = ""
 
 var _policy: LudusPolicy
+var _has_warned: bool = false
 var _network: LudusPolicyNetwork
 var _frames: LudusPolicyFrames
 var _actions: LudusPolicyActions
@@ -157,6 +162,22 @@ func _observe() -> void:
 		images.append(_frames.push(i, pixels, batch.layout.entries[i].size()))
 	_frames.end_step(_active_slots)
 	_network.run(_active_slots, vectors, images, _states)
+	if not _network.is_input_finite and not _has_warned:
+		_has_warned = true
+		warning = _describe_infinite(bytes)
+
+
+## Names the first number that is NaN or infinite: what such numbers decide is arbitrary.
+func _describe_infinite(bytes: PoolByteArray) -> String:
+	for slot in _active_slots:
+		for i in _vector_entries:
+			var entry: LudusObservationEntry = batch.layout.entries[i]
+			var numbers := _numbers(bytes, i)
+			for k in entry.size():
+				var number: float = numbers[slot * entry.size() + k]
+				if is_nan(number) or is_inf(number):
+					return INFINITE % [batch.where(slot), entry.name, k, number]
+	return ""
 
 
 func _numbers(bytes: PoolByteArray, i: int) -> Array:

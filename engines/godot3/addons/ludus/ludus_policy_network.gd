@@ -10,6 +10,8 @@ var memory_blocks: int = 0
 var visions: Array = []
 ## What [method run] put out, [member num_outputs] for each row.
 var outputs: Array = []
+## Whether all numbers that [method run] saw were numbers, and not NaN or infinite.
+var is_input_finite: bool = true
 
 ## Elements of each vector entry.
 var _sizes: Array = []
@@ -58,6 +60,7 @@ func _init(read: LudusPolicyReader) -> void:
 ## [param states]: [member memory_blocks] for each slot, replaced by the next ones.
 func run(slots: Array, vectors: Array, images: Array, states: Array) -> void:
 	_reserve(slots.size())
+	is_input_finite = true
 	for row in slots.size():
 		_fill(row, slots[row], vectors, images)
 	var x := _features
@@ -89,6 +92,10 @@ func _fill(row: int, slot: int, vectors: Array, images: Array) -> void:
 	for i in _sizes.size():
 		var size: int = _sizes[i]
 		numbers.append_array(vectors[i].slice(slot * size, slot * size + size - 1))
+	var sum := 0.0
+	for number in numbers:
+		sum += number
+	is_input_finite = is_input_finite and not (is_nan(sum) or is_inf(sum))
 	for i in _scale.size():
 		numbers[i] = clamp((numbers[i] - _shift[i]) * _scale[i], -_limit, _limit)
 	for i in visions.size():

@@ -215,6 +215,9 @@ func _tell(group: LudusPolicyGroup, slot: int) -> void:
 
 ## The agents of a group whose game made a mistake are played no longer.
 func _report_mistake(group: LudusPolicyGroup) -> void:
+	if not group.warning.empty():
+		_fail(group.warning)
+		group.warning = ""
 	if group.batch.error.empty():
 		return
 	_fail(group.batch.error)

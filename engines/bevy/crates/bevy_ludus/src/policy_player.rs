@@ -1,11 +1,11 @@
 //! Agents that trained policies play, while no trainer is there (POLICY.md §5).
 
-use crate::error::GameError;
+use crate::error::{GameError, print_error};
 use crate::model::{ActionHead, PolicyFrames, PolicyModel, PolicyNetwork};
 use crate::policy_plugin::{EpisodeEnded, PolicySources};
 use crate::random::RandomStream;
 use crate::stage::Stage;
-use crate::wire::{PolicySpec, Spec};
+use crate::wire::{DType, ObservationEntry, PolicySpec, Spec};
 use std::io::Write;
 
 /// All policies that are played from files.
@@ -98,8 +98,12 @@ struct PlayedPolicy {
     name: String,
     /// Index in the spec.
     policy: usize,
+    /// What the policy looks at.
+    observation: Vec<ObservationEntry>,
     /// Of every entry of the policy: the index of the agents' one.
     entries: Vec<usize>,
+    /// Whether a number that is NaN or infinite was told of.
+    has_warned: bool,
     /// What agents saw before, where the policy looks at that.
     frames: Option<PolicyFrames>,
     network: PolicyNetwork,
@@ -123,7 +127,9 @@ impl PlayedPolicy {
         Self {
             name: agents.name.clone(),
             policy,
+            observation: model.observation.clone(),
             entries,
+            has_warned: false,
             frames: (model.frames > 1).then(|| PolicyFrames::new(model, num_agents)),
             random: None,
             memory: vec![0.0; network.memory_size() * num_agents],
@@ -158,6 +164,13 @@ impl PlayedPolicy {
             let own: usize = self.entries[entry];
             &bytes[arrays.entries[own].row(slot)]
         };
+        if !self.has_warned
+            && let Some((slot, number)) = find_infinite(&self.observation, &self.slots, seen)
+        {
+            self.has_warned = true;
+            let warning = format!("{}: agent {slot}: {number}", self.name);
+            print_error(&warning, "look for a division by zero in the game");
+        }
         if let Some(frames) = &mut self.frames {
             frames.push(seen, &self.slots);
         }
@@ -220,10 +233,64 @@ impl PlayedPolicy {
     }
 }
 
+/// Names the first number that is NaN or infinite, and its slot: what it decides is arbitrary.
+fn find_infinite<'a>(
+    observation: &[ObservationEntry],
+    slots: &[usize],
+    seen: impl Fn(usize, usize) -> &'a [u8],
+) -> Option<(usize, String)> {
+    let floats = observation.iter().enumerate();
+    for (entry, described) in floats.filter(|(_, one)| one.dtype == DType::Float32) {
+        for slot in slots.iter().copied() {
+            let (bytes, _) = seen(entry, slot).as_chunks();
+            let numbers = bytes.iter().copied().map(f32::from_le_bytes);
+            if let Some((i, number)) = numbers.enumerate().find(|(_, one)| !one.is_finite()) {
+                let name = &described.name;
+                return Some((slot, format!("observation[\"{name}\"][{i}] is {number}")));
+            }
+        }
+    }
+    None
+}
+
 /// Prints a line for an episode, as POLICY.md §5 says.
 fn print_episode(ended: &EpisodeEnded) -> std::io::Result<()> {
     let line = serde_json::json!({
         "policy": ended.policy, "return": ended.episode_return, "length": ended.num_steps,
     });
     writeln!(std::io::stdout(), "ludus-episode {line}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entry(name: &str, dtype: DType) -> ObservationEntry {
+        let (name, shape) = (name.to_owned(), vec![2]);
+        ObservationEntry {
+            name,
+            dtype,
+            shape,
+            low: None,
+            high: None,
+        }
+    }
+
+    #[test]
+    fn the_first_number_that_is_none_is_named() {
+        let entries = [
+            entry("pixels", DType::Uint8),
+            entry("place", DType::Float32),
+        ];
+        let bytes = |numbers: [f32; 2]| numbers.map(f32::to_le_bytes).concat();
+        let (right, wrong) = (bytes([0.0, 1.0]), bytes([0.0, f32::NAN]));
+        let seen = |entry: usize, slot: usize| match (entry, slot) {
+            (0, _) => &[255, 255][..],
+            (_, 3) => wrong.as_slice(),
+            _ => right.as_slice(),
+        };
+        assert_eq!(find_infinite(&entries, &[0, 1], seen), None);
+        let found = find_infinite(&entries, &[0, 3], seen);
+        assert_eq!(found, Some((3, "observation[\"place\"][1] is NaN".to_owned())));
+    }
 }

@@ -314,6 +314,18 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 	set_actions(layout.random_choices(num, rng), layout.random_numbers(num, rng))
 
 
+## Names world, agent, script and step of a slot.
+func where(slot: int) -> String:
+	var agent := agents[slot]
+	if agent == null:
+		return "policy %s, slot %d" % [policy_name, slot]
+	var script := LudusScriptReview.place_of(_targets[slot])
+	return (
+		"world %d, agent %s%s, step %d"
+		% [_slot_worlds[slot], agent.path_in_world(), script, episode_steps(slot)]
+	)
+
+
 ## Hands each slot that acts its action.
 func _apply() -> void:
 	if layout.is_one_choice:
@@ -486,15 +498,4 @@ func _to_flag(slot: int, what: String, value: Variant) -> bool:
 func _fail(slot: int, what: String, expected: String, got: Variant) -> void:
 	if error.is_empty():
 		var found := LudusScriptReview.describe_value(got)
-		error = "%s: %s: expected %s, got %s" % [_where(slot), what, expected, found]
-
-
-func _where(slot: int) -> String:
-	var agent := agents[slot]
-	if agent == null:
-		return "policy %s, slot %d" % [policy_name, slot]
-	var script := LudusScriptReview.place_of(_targets[slot])
-	return (
-		"world %d, agent %s%s, step %d"
-		% [_slot_worlds[slot], agent.path_in_world(), script, episode_steps(slot)]
-	)
+		error = "%s: %s: expected %s, got %s" % [where(slot), what, expected, found]

@@ -217,6 +217,9 @@ func _tell(group: LudusPolicyGroup, slot: int) -> void:
 
 ## The agents of a group whose game made a mistake are played no longer.
 func _report_mistake(group: LudusPolicyGroup) -> void:
+	if not group.warning.is_empty():
+		_fail(group.warning)
+		group.warning = ""
 	if group.batch.error.is_empty():
 		return
 	_fail(group.batch.error)

@@ -11,14 +11,19 @@ const LudusPolicyNetwork := preload("res://addons/ludus/policy/policy_network.gd
 const LudusPolicyReader := preload("res://addons/ludus/policy/policy_reader.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
+const INFINITE := '%s: observation["%s"][%d] is %s: look for a division by zero in the game'
+
 ## What the agents have in common, and their steps.
 var batch: LudusPolicyBatch
 ## The world of the agent in each slot.
 var worlds: Array[LudusWorld] = []
 ## Physics ticks per decision.
 var ticks_per_step: int = 1
+## What is wrong with an observation, when that is first seen; the agents play on.
+var warning: String = ""
 
 var _policy: LudusPolicy
+var _has_warned: bool = false
 var _network: LudusPolicyNetwork
 var _frames: LudusPolicyFrames
 var _actions: LudusPolicyActions
@@ -167,6 +172,23 @@ func _observe() -> void:
 		var num_bytes := batch.layout.entries[i].num_bytes() * batch.agents.size()
 		observed.append(_observed.slice(_starts[i], _starts[i] + num_bytes))
 	_network.run(_active_slots, _frames.push(observed, _active_slots), _states)
+	if not _network.is_input_finite and not _has_warned:
+		_has_warned = true
+		warning = _describe_infinite()
+
+
+## Names the first number that is NaN or infinite: what such numbers decide is arbitrary.
+func _describe_infinite() -> String:
+	for slot: int in _active_slots:
+		for i: int in batch.layout.entries.size():
+			var entry := batch.layout.entries[i]
+			if entry.dtype != LudusObservationEntry.DType.FLOAT32:
+				continue
+			var numbers := entry_bytes(i, slot).to_float32_array()
+			for k: int in numbers.size():
+				if not is_finite(numbers[k]):
+					return INFINITE % [batch.where(slot), entry.name, k, numbers[k]]
+	return ""
 
 
 func _find_entry(entry_name: String) -> int:

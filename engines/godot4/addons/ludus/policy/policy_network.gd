@@ -16,6 +16,8 @@ var memory_blocks: int = 0
 var visions: Array[LudusPolicyVision] = []
 ## What [method run] put out, [member num_outputs] for each row.
 var outputs: PackedFloat32Array = []
+## Whether all numbers that [method run] saw were numbers, and not NaN or infinite.
+var is_input_finite: bool = true
 
 var _entries: Array[LudusObservationEntry] = []
 ## Elements of each vector entry, and where its blocks begin.
@@ -77,6 +79,10 @@ func run(
 			continue
 		_fill(_floats(observed[i], _entries[i].dtype), _sizes[vector], _starts[vector], slots)
 		vector += 1
+	var sum := Vector4.ZERO
+	for i: int in slots.size() * _num_blocks:
+		sum += _features[i]
+	is_input_finite = sum.is_finite()
 	if not _scale.is_empty():
 		_normalise(slots.size())
 	_look(images, slots)
