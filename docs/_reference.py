@@ -58,7 +58,7 @@ def write_gdscript_pages(folder: Path) -> None:
         written = {page.name: page.read_text("utf-8") for page in pages.glob("Ludus*.md")}
     # What plays games written for godot-ai; they use godot-ai's names instead.
     written = {name: text for name, text in written.items() if not name.startswith("LudusClassic")}
-    written = {name: _without_preloads(text) for name, text in written.items()}
+    written = {name: _without_inner_constants(text) for name, text in written.items()}
     for name, text in written.items():
         (folder / name).write_text(_site_links(text, set(written)), encoding="utf-8")
 
@@ -116,9 +116,10 @@ def _code(text: str) -> str:
     return "`` " + " ".join(text.split()) + " ``"
 
 
-def _without_preloads(page: str) -> str:
-    """Leave out constants that hold a preloaded script."""
-    page = re.sub(r"<a id=\"constant-\w+\"></a>\n\n\*\*<code>\w+ = &lt;Object&gt;.*\n\n?", "", page)
+def _without_inner_constants(page: str) -> str:
+    """Leave out constants that hold a preloaded script, and those that are private."""
+    inner = r"(\w+ = &lt;Object&gt;|_\w+ = ).*\n\n?(?:(?![<#]).+\n+)*"
+    page = re.sub(r"<a id=\"constant-\w+\"></a>\n\n\*\*<code>" + inner, "", page)
     return re.sub(r"^## Constants\n\n(?=## |\Z)", "", page, flags=re.MULTILINE)
 
 

@@ -21,8 +21,8 @@ enum Episode { AGENT, WORLD }
 
 const META_NAME := "ludus_world"
 ## Odd 64-bit constants of splitmix64; they spread neighbouring seeds and episodes far apart.
-const SEED_FACTOR := -7046029254386353131
-const EPISODE_FACTOR := -4658895280553007687
+const _SEED_FACTOR := -7046029254386353131
+const _EPISODE_FACTOR := -4658895280553007687
 const DISTANCE_3D := Vector3(100.0, 0.0, 100.0)
 const NEWCOMERS := "newcomers"
 const LEAVERS := "leavers"
@@ -138,7 +138,7 @@ func set_seed(value: int) -> void:
 ## Moves the random stream to the next episode. The stream is a function of the seed and the number
 ## of the episode only (PROTOCOL.md §5).
 func begin_episode() -> void:
-	rng.seed = _seed * SEED_FACTOR + num_episodes * EPISODE_FACTOR
+	rng.seed = _seed * _SEED_FACTOR + num_episodes * _EPISODE_FACTOR
 	num_episodes += 1
 	num_beginnings += 1
 

@@ -7,13 +7,15 @@ extends Node2D
 ## Put sensors below the agent's node. For one of your own extend this script and write
 ## [method count_values] and [method sense]:
 ## [codeblock]
+## @tool
 ## extends LudusSensor2D
 ##
 ## func count_values() -> int:
 ##     return 1
 ##
 ## func sense() -> PackedFloat32Array:
-##     return PackedFloat32Array([global_rotation / PI])
+##     var turned := transform_in_world(own_body()).get_rotation()
+##     return PackedFloat32Array([turned / PI])
 ## [/codeblock]
 
 const LudusBodyPlaces := preload("res://addons/ludus/sensors/body_places.gd")

@@ -13,9 +13,11 @@ signal episode_started
 
 ## How copies of the scene are kept apart.
 enum Layout {
-	ISOLATED,  ## Each copy has its own physics space. Any scene works.
-	GRID,  ## All copies share one space, far apart: much faster for light games. The scene
-	## must work in coordinates local to its root.
+	## Each copy has its own physics space. Any scene works.
+	ISOLATED,
+	## All copies share one space, far apart: much faster for light games. The scene must work in
+	## coordinates local to its root.
+	GRID,
 }
 
 ## When an episode ends.
@@ -29,8 +31,8 @@ const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
 const META_NAME := &"ludus_world"
 const DISTANCE_3D := Vector3(100.0, 0.0, 100.0)
 ## Odd 64-bit constants of splitmix64; they spread neighbouring seeds and episodes far apart.
-const SEED_FACTOR := -7046029254386353131
-const EPISODE_FACTOR := -4658895280553007687
+const _SEED_FACTOR := -7046029254386353131
+const _EPISODE_FACTOR := -4658895280553007687
 
 ## How copies are kept apart.
 @export var layout: Layout = Layout.ISOLATED:
@@ -163,7 +165,7 @@ func distance_between_copies() -> Vector3:
 ## Moves the random stream to the next episode. The stream is a function of the seed and the number
 ## of the episode only (PROTOCOL.md §5).
 func begin_episode() -> void:
-	rng.seed = _seed * SEED_FACTOR + num_episodes * EPISODE_FACTOR
+	rng.seed = _seed * _SEED_FACTOR + num_episodes * _EPISODE_FACTOR
 	num_episodes += 1
 	num_beginnings += 1
 
