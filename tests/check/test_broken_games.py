@@ -33,8 +33,8 @@ CASES: list[tuple[str, Check, Status, str]] = [
     ("process_id", check_determinism, Status.FAIL, "two processes"),
     ("clock", check_timing, Status.FAIL, "the first action acts on what reset returned"),
     ("resets_all", check_timing, Status.FAIL, "a reset of one world"),
-    ("forgetful", check_resets, Status.FAIL, "reset() forgets"),
-    ("hidden_leftover", check_resets, Status.WARN, "reset() forgets"),
+    ("forgetful", check_resets, Status.FAIL, "an episode does not depend"),
+    ("hidden_leftover", check_resets, Status.WARN, "an episode does not depend"),
     ("out_of_bounds", check_observations, Status.FAIL, "out of bounds"),
     ("constant_entry", check_observations, Status.WARN, "constant elements"),
     ("unscaled", check_observations, Status.WARN, "neither bounded nor near 1"),
@@ -67,9 +67,19 @@ def test_broken_game_is_caught(
         ("own_random", check_determinism, "two processes", "5 calls randomize(), "),
         ("unseeded", check_seeds, "the same seed twice", "3 makes a RandomNumberGenerator, "),
         ("shuffling", check_determinism, "two processes", "5 draws shuffle(), "),
-        ("waiting", check_resets, "reset() forgets", "7 awaits in _place(), which reset() calls; "),
+        (
+            "waiting",
+            check_resets,
+            "an episode does not depend",
+            "7 awaits in _place(), which reset() calls; ",
+        ),
         ("waiting", check_seeds, "different seeds", "7 awaits in _place(), which reset() calls; "),
-        ("reloading", check_resets, "reset() forgets", "4 calls reload_current_scene(), "),
+        (
+            "reloading",
+            check_resets,
+            "an episode does not depend",
+            "4 calls reload_current_scene(), ",
+        ),
     ],
 )
 def test_likely_cause_is_named_by_script_and_line(

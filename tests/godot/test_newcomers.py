@@ -20,6 +20,8 @@ from tests.godot_project import AGENT_SCENE, write_project
 
 pytestmark = pytest.mark.engine
 
+DOCS = Path(__file__).parents[2] / "docs"
+
 GAME = """\
 extends {root}
 var x := 0.0
@@ -90,6 +92,26 @@ def test_a_run_that_began_without_masks_goes_on_and_plays(
     played = ludus.evaluate(run.path, episodes=2)
     # The mask forbids the action that gives a reward.
     assert played["agent"].mean_return == 0.0
+
+
+def test_the_scene_of_the_docs_plays_with_the_sensors_of_the_docs(make_game: MakeGame) -> None:
+    def block(page: str, heading: str) -> str:
+        return (DOCS / page).read_text().split(heading)[1].split("```")[1].partition("\n")[2]
+
+    scripts, sensors = block("sensors.md", "## As text").split("\n\n", 1)
+    scene = block("godot.md", "## The scene as text")
+    scene = scene.replace("[sub_resource", f"{scripts}\n\n[sub_resource", 1).replace(
+        "player.gd", "game.gd"
+    )
+    flag = '[node name="Flag" type="Node2D" parent="."]\nposition = Vector2(100, 0)\n'
+    game = make_game(root="CharacterBody2D")
+    (game / "game.tscn").write_text(f"{scene}\n{sensors}\n{flag}")
+    with contextlib.closing(ludus.make_vec(str(game), num_worlds=2)) as env:
+        seen, _ = env.reset(seed=1)
+    assert {name: entry.shape for name, entry in seen.items()} == {
+        "observation": (2, 1), "Coins": (2, 5), "Goal": (2, 4)
+    }  # fmt: skip
+    assert seen["Goal"].tolist() == [[pytest.approx(0.1), 0.0, 0.0, 0.0]] * 2
 
 
 WRONG_METHODS = {

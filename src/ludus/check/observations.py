@@ -55,7 +55,7 @@ def _entry(recording: Recording, policy: PolicySpec, entry: ObservationEntry) ->
             warn(
                 f"{name}: constant elements",
                 f"{which} never changed in {recording.num_steps} steps{same}",
-                "leave them out, or check how they are computed",
+                "leave them out, or check how they are computed; those of a sensor do no harm",
                 elements=constant.tolist(),
             )
         )

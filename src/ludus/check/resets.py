@@ -39,7 +39,7 @@ def _second_episode(pool: EnginePool, seed: int, num_played: int) -> Recording:
 
 
 def _after_reset(context: CheckContext, pool: EnginePool, fresh: Recording) -> list[Finding]:
-    title = "reset() forgets the previous episode"
+    title = "an episode does not depend on the one before it"
     first_ends = context.recording.first_ends()
     num_played = int(min(MAX_PLAYED_STEPS, first_ends.max() - 1))
     if num_played < 1:

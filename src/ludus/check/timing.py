@@ -139,7 +139,7 @@ def _limit(recording: Recording, origin: str) -> Finding:
                 return fail(title, detail)
             num_cut += int((batch.truncated & (lengths == limit)).sum())
             lengths[has_ended] = 0
-    return ok(title, f"{num_cut} episodes reached the limit", num_truncated=num_cut)
+    return ok(title, f"episodes that reached the limit: {num_cut}", num_truncated=num_cut)
 
 
 def _leave_all(num_worlds: int) -> ResetRequest:

@@ -57,7 +57,8 @@ def require_screen() -> None:
     if sys.platform == "linux" and not has_screen:
         raise SetupError(
             "there is no screen to open a window on (neither DISPLAY nor WAYLAND_DISPLAY is set)",
-            hint="use --headless to play without a window and print the returns",
+            hint="use --headless to play without a window and print the returns, "
+            "or a virtual screen: xvfb-run -a ludus play …",
         )
 
 
