@@ -18,7 +18,8 @@ from ludus.errors import ConfigError, TargetError
 from ludus.legacy.addon import install_legacy_addon, undo_legacy_addon
 from ludus.model import PolicyModel, write_model
 from ludus.model.policy_model import Distribution, Linear
-from ludus.pool import Pool
+from ludus.play.hand import hand_player
+from ludus.pool import EnginePool
 from ludus.spec import ContinuousAction, DiscreteAction, PolicySpec
 from ludus.spec.batch import ActionBatch, Batch
 
@@ -53,7 +54,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def pool(project: Path) -> Iterator[Pool]:
+def pool(project: Path) -> Iterator[EnginePool]:
     with ludus.open_pool(str(project), ludus.PoolConfig(num_worlds=2)) as opened:
         yield opened
 
@@ -63,7 +64,7 @@ def tree(folder: Path) -> dict[str, bytes]:
     return {file.relative_to(folder).as_posix(): file.read_bytes() for file in files}
 
 
-def step(pool: Pool, *moves: float) -> Batch:
+def step(pool: EnginePool, *moves: float) -> Batch:
     """Move the walkers of both worlds, the two of the first one before those of the second."""
     actions = {
         "walker": ActionBatch(
@@ -128,7 +129,7 @@ def test_classes_are_upgraded_with_the_add_on(game: Path) -> None:
 
 
 @pytest.mark.engine
-def test_controllers_are_agents_of_every_world(pool: Pool) -> None:
+def test_controllers_are_agents_of_every_world(pool: EnginePool) -> None:
     walker, watcher = pool.spec.policies
     assert pool.spec.ticks_per_step == TICKS
     assert [agent.path for agent in walker.agents[:2]] == ["First/LudusAgent", "Second/LudusAgent"]
@@ -141,7 +142,7 @@ def test_controllers_are_agents_of_every_world(pool: Pool) -> None:
 
 
 @pytest.mark.engine
-def test_each_agent_gets_its_own_action_and_reward(pool: Pool) -> None:
+def test_each_agent_gets_its_own_action_and_reward(pool: EnginePool) -> None:
     first = pool.reset(seed=1)
     image = first["watcher"].observation["camera_2d"]
     assert image[0].ravel().tolist() == [*range(23), 0]
@@ -155,7 +156,7 @@ def test_each_agent_gets_its_own_action_and_reward(pool: Pool) -> None:
 
 
 @pytest.mark.engine
-def test_ends_and_time_limits_are_told_apart(pool: Pool) -> None:
+def test_ends_and_time_limits_are_told_apart(pool: EnginePool) -> None:
     batch = pool.reset(seed=1)["walker"]
     for number in range(1, LIMIT // TICKS):
         batch = step(pool, 1.0 if number < 5 else 0.0, 0.0, 0.0, 0.0)
@@ -164,6 +165,45 @@ def test_ends_and_time_limits_are_told_apart(pool: Pool) -> None:
     last = batch.final_observation["obs"]
     assert last[:, 1].tolist() == [LIMIT - TICKS] * 3, "the last one before the game begins again"
     assert step(pool, 0.0, 0.0, 0.0, 0.0).observation["obs"][1:, 1].tolist() == [TICKS - 1] * 3
+
+
+DEMO_SCENE = f"""\
+[gd_scene format=3]
+
+[ext_resource type="Script" path="res://demonstrator.gd" id="1"]
+[ext_resource type="Script" path="res://{SYNC}" id="2"]
+
+[node name="Walkers" type="Node"]
+
+[node name="First" type="Node" parent="."]
+script = ExtResource("1")
+
+[node name="Sync" type="Node" parent="."]
+script = ExtResource("2")
+action_repeat = {TICKS}
+"""
+
+
+@pytest.mark.engine
+def test_a_person_plays_a_controller_that_records_demonstrations(project: Path) -> None:
+    (project / "demo.tscn").write_text(DEMO_SCENE)
+    with ludus.open_pool(str(project), ludus.PoolConfig(scene="res://demo.tscn")) as opened:
+        act = hand_player(opened)
+        batches = opened.reset(seed=1)
+        for _ in range(2):
+            actions = act(batches)
+            batches = opened.step(actions)
+            assert actions["walker"].discrete.tolist() == [[2]]
+            assert actions["walker"].continuous.tolist() == [[0.5, -0.25]]
+            assert batches["walker"].reward.tolist() == [pytest.approx(2.25)]
+
+
+@pytest.mark.engine
+def test_a_controller_that_records_none_says_what_is_missing(pool: EnginePool) -> None:
+    batches = pool.reset(seed=1)
+    with pytest.raises(TargetError, match="nobody can play policy walker by hand") as caught:
+        hand_player(pool)(batches)
+    assert "get_action()" in (caught.value.hint or "")
 
 
 PROBE = """\
@@ -219,7 +259,7 @@ def write_policy(path: Path, spec: PolicySpec) -> None:
 
 
 @pytest.mark.engine
-def test_exported_policy_plays_in_place_of_onnx(project: Path, pool: Pool) -> None:
+def test_exported_policy_plays_in_place_of_onnx(project: Path, pool: EnginePool) -> None:
     (project / "probe.gd").write_text(PROBE)
     (project / "played.tscn").write_text(PLAYED_SCENE)
     godot = find_engine(EngineKind.GODOT4).executable(headless=True)

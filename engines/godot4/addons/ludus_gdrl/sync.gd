@@ -14,11 +14,13 @@ enum ControlModes {
 }
 
 const LudusGdrlAgent := preload("res://addons/ludus_gdrl/gdrl_agent.gd")
+const LudusGdrlDemonstrator := preload("res://addons/ludus_gdrl/gdrl_demonstrator.gd")
 
 const CONTROLLER_GROUP := &"AGENT"
-## The [code]control_mode[/code] of a controller that leaves it to this node; its other modes are
-## those of [enum ControlModes], one further on.
+## The [code]control_mode[/code] of a controller that leaves it to this node; its next modes are
+## those of [enum ControlModes], and then it records demonstrations.
 const INHERITED := 0
+const RECORD_EXPERT_DEMOS := 4
 const TICKS_PER_SECOND := 60
 const POLICY_SUFFIX := ".ludus.json"
 const HINT := (
@@ -120,9 +122,11 @@ func _seed_game(world: LudusWorld) -> void:
 func _let_train(controller: Node) -> void:
 	all_agents.append(controller)
 	var own: Variant = controller.get(&"control_mode")
-	if own == null or own in [INHERITED, ControlModes.TRAINING + 1]:
+	if own == null or own in [INHERITED, ControlModes.TRAINING + 1, RECORD_EXPERT_DEMOS]:
 		agents_training.append(controller)
-		LudusGdrlAgent.new(controller, action_repeat)
+		var is_played := LudusGdrlDemonstrator.suits(controller)
+		var kind: Script = LudusGdrlDemonstrator if is_played else LudusGdrlAgent
+		kind.new(controller, action_repeat)
 		return
 	agents_heuristic.append(controller)
 	push_warning(
