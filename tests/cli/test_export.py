@@ -140,7 +140,8 @@ def test_cartpole_from_training_to_the_engine(
     for flags in ([], ["--stochastic"]):
         play = ["play", run, "--in-engine", "--headless", "--episodes", "3"]
         assert main([*play, *flags]) == 0
-        lines = capsys.readouterr().out.splitlines()
+        *lines, mean = capsys.readouterr().out.splitlines()
+        assert re.fullmatch(r"cart: mean return [\d.]+ of 3 episodes", mean)
         found = [
             re.fullmatch(r"cart: episode (\d), return (\d+) in (\d+) steps", line) for line in lines
         ]

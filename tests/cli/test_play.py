@@ -53,7 +53,9 @@ def test_random_play_without_a_window_prints_returns(
     assert main(["play", ORACLE, "--random", "--headless", "--episodes", "3"]) == 0
     lines = capsys.readouterr().out.splitlines()
     # Rewards of 0.1 to 0.5 in the five steps of an episode.
-    assert lines == [f"oracle: episode {i}, return 1.5 in 5 steps" for i in (1, 2, 3)]
+    *episodes, mean = lines
+    assert episodes == [f"oracle: episode {i}, return 1.5 in 5 steps" for i in (1, 2, 3)]
+    assert mean == "oracle: mean return 1.5 of 3 episodes"
 
 
 @pytest.mark.engine

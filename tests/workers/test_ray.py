@@ -81,14 +81,19 @@ def on_ray(case: str, tmp_path: Path, **changes: Any) -> TrainConfig:
     return replace(spread, **changes)
 
 
-@pytest.mark.parametrize("case", ["ppo", "sac"])
-def test_two_machines_give_the_checkpoint_of_one_process(
-    case: str, cluster: Any, tmp_path: Path
-) -> None:
-    alone = train(config(case, tmp_path, None))
-    spread = train(on_ray(case, tmp_path))
-    assert_equal(newest(alone.path), newest(spread.path))
-    assert spread.evaluation == alone.evaluation
+def test_every_layout_gives_the_checkpoint_of_one_process(cluster: Any, tmp_path: Path) -> None:
+    joined = [add_node(cluster) for _ in range(2)]
+    try:
+        for case in ("ppo", "sac"):
+            alone = train(config(case, tmp_path / case, None))
+            for num in (1, 2, 4):
+                layout = {"num_machines": num, "num_engines": 4 // num, "name": f"{num} machines"}
+                spread = train(on_ray(case, tmp_path / case, **layout))
+                assert_equal(newest(alone.path), newest(spread.path))
+                assert spread.evaluation == alone.evaluation
+    finally:
+        for node in joined:
+            cluster.remove_node(node)
 
 
 def test_more_machines_than_there_are_is_refused(cluster: Any, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -79,21 +80,23 @@ def run(command: PlayCommand) -> int:
             "a game cannot be played by hand without a window",
             hint="use --random, or name a run folder",
         )
+    printer = _Printer()
     config: PlayConfig = command
     if command.is_headless and command.num_episodes is None:
         config = replace(config, num_episodes=HEADLESS_EPISODES)
     if is_trained:
         config = _as_trained(config)
     if command.in_engine:
-        _play_in_engine(config, target, is_stochastic=bool(stochastic))
+        _play_in_engine(config, target, printer.show, is_stochastic=bool(stochastic))
     elif command.random:
-        play_episodes(config, lambda pool: random_player(pool, command.seed), _printer())
+        play_episodes(config, lambda pool: random_player(pool, command.seed), printer.show)
     elif is_trained:
         play_episodes(
-            config, lambda pool: load_player([target], pool, command.seed, stochastic), _printer()
+            config, lambda pool: load_player([target], pool, command.seed, stochastic), printer.show
         )
     else:
         play_by_hand(config)
+    printer.show_means()
     return 0
 
 
@@ -107,7 +110,9 @@ def _as_trained(config: PlayConfig) -> PlayConfig:
     return replace(config, **{name: getattr(trained, name) for name in ("target", *names)})
 
 
-def _play_in_engine(config: PlayConfig, run_folder: Path, *, is_stochastic: bool) -> None:
+def _play_in_engine(
+    config: PlayConfig, run_folder: Path, on_episode: OnEpisode, *, is_stochastic: bool
+) -> None:
     """Export the agents to a temporary folder, and let the game play them."""
     from ludus.export.exporting import write_policies
     from ludus.play.in_engine import play_in_engine
@@ -118,18 +123,24 @@ def _play_in_engine(config: PlayConfig, run_folder: Path, *, is_stochastic: bool
             sys.stderr.write(f"warning: {text}\n")
     with TemporaryFolder("policies") as temporary:
         files = write_policies(run_folder, temporary.path)
-        play_in_engine(config, files, _printer(), is_stochastic=is_stochastic)
+        play_in_engine(config, files, on_episode, is_stochastic=is_stochastic)
 
 
-def _printer() -> OnEpisode:
-    from rich.console import Console
+class _Printer:
+    """Prints each episode that ends, and in the end the mean of each policy."""
 
-    console = Console()
+    def __init__(self) -> None:
+        self._returns: dict[str, list[float]] = {}
 
-    def show(policy: str, number: int, episode_return: float, length: int) -> None:
-        console.print(
-            f"{policy}: episode {number}, return {episode_return:.6g} in {length} steps",
-            highlight=False, markup=False,
-        )  # fmt: skip
+    def show(self, policy: str, number: int, episode_return: float, length: int) -> None:
+        self._returns.setdefault(policy, []).append(episode_return)
+        self._say(f"{policy}: episode {number}, return {episode_return:.6g} in {length} steps")
 
-    return show
+    def show_means(self) -> None:
+        for policy, returns in self._returns.items():
+            mean = statistics.fmean(returns)
+            self._say(f"{policy}: mean return {mean:.6g} of {len(returns)} episodes")
+
+    def _say(self, text: str) -> None:
+        sys.stdout.write(f"{text}\n")
+        sys.stdout.flush()
