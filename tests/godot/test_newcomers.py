@@ -155,11 +155,13 @@ def test_a_reset_that_waits_is_refused(make_game: MakeGame) -> None:
         ludus.make(str(make_game(reset=waits)))
 
 
-def test_a_misspelt_method_is_guessed(make_game: MakeGame) -> None:
-    script = make_game()
-    (script / "game.gd").write_text((script / "game.gd").read_text().replace("reset()", "resets()"))
-    with pytest.raises(ludus.LudusError, match=r"no method reset\(\); did you mean that by resets"):
-        ludus.make(str(script))
+@pytest.mark.parametrize(("method", "written"), [("reset", "resets"), ("is_done", "is_doen")])
+def test_a_misspelt_method_is_guessed(make_game: MakeGame, method: str, written: str) -> None:
+    script = make_game() / "game.gd"
+    script.write_text(script.read_text().replace(f"{method}()", f"{written}()"))
+    said = rf"no method {method}\(\); did you mean that by {written}\(\)"
+    with pytest.raises(ludus.LudusError, match=said):
+        ludus.make(str(script.parent))
 
 
 @pytest.mark.parametrize(

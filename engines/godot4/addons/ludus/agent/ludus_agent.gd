@@ -232,7 +232,9 @@ func _target_has(method: StringName) -> bool:
 ## A method that is probably [param method] misspelt, in words.
 static func _guess(node: Object, method: StringName) -> String:
 	var script: Script = node.get_script()
-	var found := LudusScriptReview.find_misspelt(script, method) if script != null else &""
+	if script == null:
+		return ""
+	var found := LudusScriptReview.find_misspelt(script, method, true)
 	return "" if found.is_empty() else "; did you mean that by %s()?" % found
 
 

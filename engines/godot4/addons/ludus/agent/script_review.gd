@@ -17,6 +17,7 @@ const _CONTROLLERS: Array[Script] = [
 	preload("res://addons/ludus/agent/ludus_controller_3d.gd"),
 ]
 const _MIN_SIMILARITY := 0.85
+const _MIN_SIMILARITY_IF_MISSING := 0.55
 const _OWN_FOLDER := "res://addons/ludus"
 
 
@@ -65,25 +66,29 @@ static func declares_outcomes(script: Script) -> bool:
 	)
 
 
-## The method that was probably meant to be [param known], or an empty name.
-static func find_misspelt(script: Script, known: StringName) -> StringName:
+## The method that was probably meant to be [param known], or an empty name. It may be less alike
+## where [param is_missing] says that something must have been meant.
+static func find_misspelt(script: Script, known: StringName, is_missing: bool) -> StringName:
 	var names := methods_of(script)
 	if known in names:
 		return &""
+	var best := &""
+	var highest := _MIN_SIMILARITY_IF_MISSING if is_missing else _MIN_SIMILARITY
 	for name: StringName in names:
 		if name in LudusAgent.REQUIRED_METHODS or name in OPTIONAL_METHODS:
 			continue
 		var similarity := _plain(name).similarity(_plain(known))
-		if similarity >= _MIN_SIMILARITY:
-			return name
-	return &""
+		if similarity >= highest:
+			best = name
+			highest = similarity
+	return best
 
 
 ## Says which methods look like misspelt optional ones.
 static func misspelt_methods(script: Script) -> PackedStringArray:
 	var found := PackedStringArray()
 	for known: StringName in OPTIONAL_METHODS:
-		var name := find_misspelt(script, known)
+		var name := find_misspelt(script, known, false)
 		if not name.is_empty():
 			found.append(
 				"%s: %s() is never called; did you mean %s()?" % [script.resource_path, name, known]
