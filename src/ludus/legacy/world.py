@@ -9,7 +9,13 @@ from ludus.errors import ActionError, ConfigError, GameError, ProtocolError
 from ludus.legacy.game import Declaration, Outcome
 from ludus.spec import AgentSpec, PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batch
-from ludus.spec.batch_rows import action_reader, clear_outcome, write_finals, write_state
+from ludus.spec.batch_rows import (
+    action_reader,
+    clear_outcome,
+    write_finals,
+    write_state,
+    write_states,
+)
 from ludus.spec.gymnasium_spec import read_action, read_observation
 
 __all__ = ["LegacyWorld", "num_agents_of", "read_declarations"]
@@ -46,10 +52,9 @@ class LegacyWorld:
             ProtocolError: There is not one for each agent.
         """
         self._check_count(observations)
-        for row, place in enumerate(self._rows):
-            self._write(row, observations[place])
-            self._is_active[row] = True
-            self._num_steps[row] = 0
+        self._write(range(self._num_agents), observations)
+        self._is_active = [True] * self._num_agents
+        self._num_steps = [0] * self._num_agents
         self.batch.active[:] = True
 
     def clear_outcome(self) -> None:
@@ -68,7 +73,9 @@ class LegacyWorld:
         self._check_shape("discrete", own.discrete.shape, self._discrete_shape)
         self._check_shape("continuous", own.continuous.shape, self._continuous_shape)
         for row, place in enumerate(self._rows):
-            into[place] = self._to_action(own, row) if self._is_active[row] else None
+            is_active = self._is_active[row]
+            rows = own.discrete[row], own.continuous[row]
+            into[place] = self._to_action(*rows) if is_active else None
 
     def take(self, outcome: Outcome) -> bool:
         """Write down what a step led to.
@@ -87,9 +94,8 @@ class LegacyWorld:
         finals = self._note_ends(outcome)
         if self._is_restarting:
             self._restart(outcome.active)
-        for row, place in enumerate(self._rows):
-            if self._is_active[row]:
-                self._write(row, outcome.observations[place])
+        acting = [row for row, is_active in enumerate(self._is_active) if is_active]
+        self._write(acting, outcome.observations)
         if finals:
             self._write_finals(finals)
         return not (self._is_restarting or any(self._is_active))
@@ -142,11 +148,22 @@ class LegacyWorld:
                 f"{self._name}.{kind}: expected actions of shape {expected}, got {shape}"
             )
 
-    def _write(self, row: int, observation: Any) -> None:
+    def _write(self, rows: Sequence[int], observations: Sequence[Any]) -> None:
+        """Write what the agents of some rows observe, of the observations of all agents."""
+        own = [observations[self._rows[row]] for row in rows]
         try:
-            write_state(self.batch, row, observation)
-        except (ValueError, TypeError, KeyError) as error:
-            raise _does_not_fit([row], error) from error
+            write_states(self.batch, rows, own)
+        except (
+            ValueError,
+            TypeError,
+            KeyError,
+            AttributeError,
+        ):  # the first one that does not fit is named
+            for row, observation in zip(rows, own, strict=True):
+                try:
+                    write_state(self.batch, row, observation)
+                except (ValueError, TypeError, KeyError) as error:
+                    raise _does_not_fit([row], error) from error
 
 
 def num_agents_of(declarations: Sequence[Declaration]) -> int:

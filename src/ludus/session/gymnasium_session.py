@@ -144,7 +144,7 @@ class GymnasiumSession:
             if held is not None and held[row]:
                 continue
             observation, reward, terminated, truncated, info = env.step(
-                self._to_action(actions, row)
+                self._to_action(actions.discrete[row], actions.continuous[row])
             )
             batch.reward[row] = float(reward)
             if terminated or truncated:

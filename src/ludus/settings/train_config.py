@@ -122,7 +122,8 @@ class TrainConfig(GameConfig):
         seed: Seed of worlds, networks and sampling; random if not given; saved in
             config.json.
         total_steps: Agent steps after which training ends.
-        max_time_s: Seconds of training after which it ends; no limit if not given.
+        max_time_s: Seconds of training after which it ends, those before it was resumed included;
+            no limit if not given.
         target_return: Training ends when the mean return of every policy reaches this.
         return_window: Number of episodes that the mean return covers.
         checkpoint_every_s: Seconds between checkpoints; with none, only checkpoint_every_updates

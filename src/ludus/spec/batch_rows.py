@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -10,30 +10,34 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ludus.spec import ContinuousAction
-from ludus.spec.batch import ActionBatch, Batch
+from ludus.spec.batch import Batch
 from ludus.spec.gymnasium_spec import SINGLE_ENTRY, read_action
 
-__all__ = ["action_reader", "clear_outcome", "write_finals", "write_state"]
+__all__ = ["action_reader", "clear_outcome", "write_finals", "write_state", "write_states"]
 
 
-def action_reader(space: spaces.Space[Any]) -> Callable[[ActionBatch, int], Any]:
-    """Return a function from an action batch and a row to an action of ``space``."""
+ReadAction = Callable[[NDArray[np.int64], NDArray[np.float32]], Any]
+"""Makes an action of an agent's discrete and continuous row."""
+
+
+def action_reader(space: spaces.Space[Any]) -> ReadAction:
+    """Return a function that makes an action of ``space`` of an agent's two rows."""
     if isinstance(space, spaces.Discrete):
         start = int(space.start)
-        return lambda actions, row: int(actions.discrete[row, 0]) + start
+        return lambda discrete, _: int(discrete[0]) + start
     if isinstance(space, spaces.MultiDiscrete):
         first = cast(NDArray[np.int64], cast(Any, space).start)
-        return lambda actions, row: actions.discrete[row] + first
+        return lambda discrete, _: discrete + first
     if isinstance(space, spaces.MultiBinary):
-        return lambda actions, row: actions.discrete[row].astype(np.int8)
+        return lambda discrete, _: discrete.astype(np.int8)
     if isinstance(space, spaces.Dict):
         return _dict_reader(cast(Mapping[str, spaces.Space[Any]], cast(Any, space).spaces))
     shape, dtype = cast(tuple[int, ...], space.shape), space.dtype
-    return lambda actions, row: actions.continuous[row].reshape(shape).astype(dtype)
+    return lambda _, continuous: continuous.reshape(shape).astype(dtype)
 
 
-def _dict_reader(parts: Mapping[str, spaces.Space[Any]]) -> Callable[[ActionBatch, int], Any]:
-    readers: list[tuple[str, Callable[[ActionBatch, int], Any], slice, slice]] = []
+def _dict_reader(parts: Mapping[str, spaces.Space[Any]]) -> ReadAction:
+    readers: list[tuple[str, ReadAction, slice, slice]] = []
     num_discrete = num_continuous = 0
     for name, space in parts.items():
         components = read_action(space)
@@ -42,16 +46,10 @@ def _dict_reader(parts: Mapping[str, spaces.Space[Any]]) -> Callable[[ActionBatc
         continuous = slice(num_continuous, num_continuous + sum(sizes))
         num_discrete, num_continuous = discrete.stop, continuous.stop
         readers.append((name, action_reader(space), discrete, continuous))
-
-    def read(actions: ActionBatch, row: int) -> dict[str, Any]:
-        return {
-            name: reader(
-                ActionBatch(actions.discrete[:, discrete], actions.continuous[:, continuous]), row
-            )
-            for name, reader, discrete, continuous in readers
-        }
-
-    return read
+    return lambda discrete, continuous: {
+        name: reader(discrete[choices], continuous[numbers])
+        for name, reader, choices, numbers in readers
+    }
 
 
 def write_state(
@@ -65,6 +63,17 @@ def write_state(
         batch.observation[SINGLE_ENTRY][row] = observation
     if batch.action_mask is not None and info is not None:
         batch.action_mask[row] = np.asarray(info["action_mask"], np.bool_)
+
+
+def write_states(batch: Batch, rows: Sequence[int], observations: Sequence[Any]) -> None:
+    """Write what some agents observe, all at once; their observations have the same entries."""
+    is_named = len(rows) > 0 and isinstance(observations[0], Mapping)
+    names = batch.observation.keys()
+    if is_named and any(seen.keys() != names for seen in observations):
+        raise KeyError(f"other entries than {list(names)}")
+    for name, array in batch.observation.items():
+        values = [seen[name] for seen in observations] if is_named else observations
+        array[rows] = np.reshape(values, (len(rows), *array.shape[1:]))
 
 
 def write_finals(batch: Batch, finals: list[tuple[int, Any]]) -> None:

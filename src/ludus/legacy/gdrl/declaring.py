@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
@@ -55,9 +56,9 @@ class Entry:
         if self.num_choices:
             shape, kind = (), np.int64
             values = [_single(value) for value in values]
-        expected = spaces.Box(-np.inf, np.inf, (len(values), *shape), kind)
+        space = _unbounded((len(values), *shape), kind)
         try:
-            numbers = to_observation(expected, values, f"the observation {self.name}")
+            numbers = to_observation(space, values, f"the observation {self.name}")
         except GameError as error:
             raise GameError(error.message, _HINT) from error
         return self._one_hot(numbers) if self.num_choices else numbers
@@ -127,6 +128,12 @@ class PolicyAgents:
             return entry.read([observations[row][entry.name] for row in self.rows])
         except KeyError as error:
             raise GameError(f"an observation has no entry {entry.name!r}", _HINT) from error
+
+
+@lru_cache
+def _unbounded(shape: tuple[int, ...], dtype: Any) -> spaces.Box:
+    """Return a box, which costs more to make than an observation to read."""
+    return spaces.Box(-np.inf, np.inf, shape, dtype)
 
 
 def group_agents(info: EnvInfo) -> list[PolicyAgents]:
