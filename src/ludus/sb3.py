@@ -250,6 +250,7 @@ def _game_of(model: BaseAlgorithm) -> LudusVectorEnv:
     if not isinstance(inner, LudusVecEnv):
         raise UsageError(
             "the model's environment was not made by ludus.sb3.make, so its spec is not known",
-            hint="model.set_env(ludus.sb3.make(…)), or `ludus export MODEL.zip --game GAME`",
+            hint="load it with one: PPO.load(MODEL, env=ludus.sb3.make(…)); without VecNormalize "
+            "`ludus export MODEL.zip --game GAME` does it",
         )
     return inner.envs

@@ -22,7 +22,7 @@ from ludus.runs.saved import trained_config
 from ludus.settings.merging import PYTHON
 from ludus.settings.plain import merge_settings, plain_settings
 from ludus.settings.train_config import TrainConfig
-from ludus.target import find_run, parse_target
+from ludus.target import PolicyFile, find_run, parse_target
 from ludus.training.loop import open_training_pool, require_pool
 
 __all__ = ["RANDOM", "evaluate"]
@@ -79,10 +79,15 @@ def evaluate(
     require_pool(pool)
     is_run = find_run(Path(target)) is not None
     if policy is None and not is_run:
-        parse_target(target)  # what does not exist is told first
+        if isinstance(parse_target(target), PolicyFile):  # what does not exist is told first
+            raise ConfigError(
+                f"{target} is a policy, and no game was named that it plays",
+                hint="ludus evaluate GAME --policy FILE; in Python ludus.evaluate(GAME, FILE)",
+            )
         raise ConfigError(
             f"{target} is a game, and nothing was named that plays it",
-            'name a policy: a run folder, .ludus.json files, or "random"',
+            "--policy with a run folder or a .ludus.json file, or --random; "
+            'in Python the second argument, a path or "random"',
         )
     paths = [Path(target)] if policy is None else _paths(policy)
     config = _config(target, is_run, paths, {"num_engines": 1, **settings})

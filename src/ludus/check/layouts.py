@@ -68,9 +68,9 @@ def _speed(
     title = f"the grid is {grid / isolated:.2g} times as fast as isolated worlds"
     detail = f"{grid:,.0f} and {isolated:,.0f} agent-steps/s with {num_worlds} worlds in one engine"
     hint = ""
-    if own != "grid" and grid > 1.2 * isolated and comparison.verdict is not Verdict.DIFFERENT:
+    if own != "grid" and grid > 1.5 * isolated and comparison.verdict is not Verdict.DIFFERENT:
         hint = "set LudusWorld.layout to Grid"
-    if own == "grid" and isolated > 1.2 * grid:
+    if own == "grid" and isolated > 1.5 * grid:
         hint = "set LudusWorld.layout to Isolated, or compare with more worlds"
     data = {
         "num_worlds": num_worlds,

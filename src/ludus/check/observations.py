@@ -49,13 +49,21 @@ def _entry(recording: Recording, policy: PolicySpec, entry: ObservationEntry) ->
     findings += _out_of_bounds(name, entry, low, high)
     constant = np.flatnonzero(low == high)
     if len(constant) and len(values) > 1:
-        which = f"elements {ranges(constant)}" if entry.size > 1 else "the value"
-        same = f" ({low[constant[0]]:.6g})" if len(constant) == 1 else ""
+        which = (
+            f"element {ranges(constant)}" if len(constant) == 1 else f"elements {ranges(constant)}"
+        )
+        hint = "leave out what is always so; a sensor may keep it, such as a count that is full"
+        if len(constant) == entry.size:
+            which = "all elements" if entry.size > 1 else "the value"
+            hint = (
+                "it says nothing: look how it is computed; of a sensor, its group, mask and reach"
+            )
+        same = f": always {low[constant[0]]:.6g}" if len(constant) == 1 else ""
         findings.append(
             warn(
                 f"{name}: constant elements",
                 f"{which} never changed in {recording.num_steps} steps{same}",
-                "leave them out, or check how they are computed; those of a sensor do no harm",
+                hint,
                 elements=constant.tolist(),
             )
         )

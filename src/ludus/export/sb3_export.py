@@ -64,7 +64,9 @@ def export_zip(
     model = read_zip(saved)
     if model.is_normalised and vec_normalize is None:
         raise PolicyFileError(
-            f"{saved}: {UNSAFE}", hint="in Python: ludus.sb3.export(model, path, vec_normalize)"
+            f"{saved}: {UNSAFE}",
+            hint="in Python: env = VecNormalize.load(STATISTICS, ludus.sb3.make(GAME)); "
+            "ludus.sb3.export(PPO.load(MODEL, env=env), path)",
         )
     normalisation = _read_normalisation(vec_normalize, spec)
     arrays = to_model(model, spec, normalisation)

@@ -213,7 +213,8 @@ def open_game(
         settings = _split_for_bridge(settings)
     known = PoolConfig.__dataclass_fields__
     for unknown in settings.keys() - known:  # TorchRL looks for just these words
-        hint = did_you_mean(unknown, known, "settings are")
+        meant = "num_worlds" if unknown == "num_envs" else unknown  # as Gymnasium has it
+        hint = did_you_mean(meant, known, "settings are")
         raise ArgumentError(f"unexpected keyword argument {unknown!r}", hint)
     config = PoolConfig(**settings)
     if render_mode == "human":

@@ -18,6 +18,7 @@ from ludus.folder_imports import look_in_current_folder
 from ludus.spec import AgentSpec, PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batch, Batches, StepTimes
 from ludus.spec.batch_rows import action_reader, clear_outcome, write_finals, write_state
+from ludus.spec.finite import check_finite
 from ludus.spec.gymnasium_spec import read_action, read_observation
 from ludus.wire.requests import MetricSummary
 from ludus.wire.reset import ResetAction, ResetRequest
@@ -51,7 +52,8 @@ def make_environment(
     except (gymnasium.error.Error, ImportError) as error:
         raise TargetError(
             f"Gymnasium cannot make {env_id!r}: {error}",
-            "gymnasium.pprint_registry() lists what it knows; MODULE:ENV_ID imports a module first",
+            "gymnasium.pprint_registry() lists what it knows; MODULE:ENV_ID imports a module "
+            "that is installed or lies in the current folder",
         ) from None
 
 
@@ -61,7 +63,8 @@ class GymnasiumSession:
     Observations may be boxes or dictionaries of boxes, actions discrete, multi-discrete,
     multi-binary or bounded boxes. An ``action_mask`` in the info of a reset counts as the policy's
     mask. The parameters of a reset reach the environments as ``options``. What an environment
-    raises is passed on; an environment is never made again.
+    raises is passed on; an environment is never made again. What it returns that does not fit its
+    spaces, or is NaN or infinite, is a ``GameError``.
 
     Args:
         envs: One for each world; closed with the session.
@@ -75,6 +78,7 @@ class GymnasiumSession:
         self._envs = envs
         self._spec = _read_spec(envs, name)
         (policy,) = self._spec.policies
+        self._policies = {POLICY: policy}
         self._to_action = action_reader(envs[0].action_space)
         self._batch = Batch.allocate(policy, len(envs))
         self._has_reset = False
@@ -109,11 +113,11 @@ class GymnasiumSession:
                 seed=int(request.seeds[row]) if action is ResetAction.SEED else None,
                 options=dict(options) if options else None,
             )
-            write_state(self._batch, row, observation, info)
+            self._write(row, observation, info)
         self._batch.active[:] = True
         self._pending = None
         self._has_reset = True
-        return {POLICY: self._batch}
+        return self._checked()
 
     def send(self, actions: Mapping[str, ActionBatch]) -> None:
         """Keep the actions until :meth:`receive`.
@@ -151,11 +155,26 @@ class GymnasiumSession:
                 batch.terminated[row], batch.truncated[row] = terminated, truncated
                 finals.append((row, observation))
                 observation, info = env.reset()
-            write_state(batch, row, observation, info)
+            self._write(row, observation, info)
         if finals:
             write_finals(batch, finals)
         self._num_steps += 1
-        return {POLICY: batch}
+        return self._checked()
+
+    def _write(self, row: int, observation: Any, info: Mapping[str, Any]) -> None:
+        try:
+            write_state(self._batch, row, observation, info)
+        except (ValueError, TypeError, KeyError) as error:
+            raise GameError(
+                f"{self._spec.scene}, world {row}: what the environment observes does not fit its "
+                f"observation_space, or its action_mask: {error}",
+                hint="compare what reset() and step() return with the spaces that it declares",
+            ) from error
+
+    def _checked(self) -> Batches:
+        batches = {POLICY: self._batch}
+        check_finite(self._policies, batches, self._num_steps)
+        return batches
 
     def hold(self, worlds: NDArray[np.bool_]) -> bool:
         """Let some environments stand still in the next step; returns True."""

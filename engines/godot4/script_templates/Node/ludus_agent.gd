@@ -5,7 +5,7 @@
 extends _BASE_
 
 
-## Does what the policy chose; a step begins. One choice comes as int, numbers as
+## Does what the policy chose, in every tick of a step. One choice comes as int, numbers as
 ## PackedFloat32Array.
 func apply_action(action: int) -> void:
 	pass

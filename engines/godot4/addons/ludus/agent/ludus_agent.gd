@@ -235,7 +235,7 @@ static func _guess(node: Object, method: StringName) -> String:
 	if script == null:
 		return ""
 	var found := LudusScriptReview.find_misspelt(script, method, true)
-	return "" if found.is_empty() else "; did you mean that by %s()?" % found
+	return "" if found.is_empty() else "; is %s() that, misspelt?" % found
 
 
 func _describe(node: Object) -> String:
