@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ludus.api.sweeping import sweep
     from ludus.errors import LudusError
     from ludus.libraries import LudusEnv, LudusVectorEnv, make, make_vec
+    from ludus.play.evaluation import Evaluation
     from ludus.pool import PoolConfig, open_pool
     from ludus.settings.train_config import (
         ImitationConfig,
@@ -36,9 +37,11 @@ if TYPE_CHECKING:
         TrainConfig,
     )
     from ludus.training.hooks import Episode, Training
+    from ludus.training.progress import Progress
 
 __all__ = [
     "Episode",
+    "Evaluation",
     "ImitationConfig",
     "LeagueConfig",
     "LoadedPolicy",
@@ -48,6 +51,7 @@ __all__ = [
     "PPOConfig",
     "Phase",
     "PoolConfig",
+    "Progress",
     "Run",
     "SACConfig",
     "TrainConfig",
@@ -64,6 +68,7 @@ __all__ = [
 
 _HOMES = {
     "Episode": "ludus.training.hooks",
+    "Evaluation": "ludus.play.evaluation",
     "ImitationConfig": "ludus.settings.train_config",
     "LeagueConfig": "ludus.settings.train_config",
     "LoadedPolicy": "ludus.api.acting",
@@ -73,6 +78,7 @@ _HOMES = {
     "PPOConfig": "ludus.settings.train_config",
     "Phase": "ludus.settings.train_config",
     "PoolConfig": "ludus.pool",
+    "Progress": "ludus.training.progress",
     "Run": "ludus.api.running",
     "SACConfig": "ludus.settings.train_config",
     "TrainConfig": "ludus.settings.train_config",

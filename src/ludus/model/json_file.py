@@ -58,7 +58,10 @@ def read_model(path: str | Path) -> PolicyModel:
         with path.open("rb") as file:
             data = file.read(MAX_FILE_BYTES + 1)
     except OSError as error:
-        raise PolicyFileError(f"cannot read policy file {path}: {error.strerror}") from error
+        raise PolicyFileError(
+            f"cannot read policy file {path}: {error.strerror}",
+            hint="name a run folder (`ludus runs` lists them), a .ludus.json or an .onnx file",
+        ) from error
     if len(data) > MAX_FILE_BYTES:
         raise PolicyFileError(f"{path}: more than {MAX_FILE_BYTES} bytes")
     try:

@@ -168,5 +168,5 @@ def _unknown(text: str) -> TargetError:
     return TargetError(
         message,
         hint=f"bundled examples: {', '.join(names) or '(none)'}; or a project folder, a .tscn, "
-        f"an exported game, host:port, {PLAY}, or gym:ENV_ID",
+        f"an exported game, host:port, {PLAY}, or gym:ENV_ID; `ludus runs` lists runs",
     )

@@ -10,16 +10,17 @@ extends LudusSensor2D
 
 ## Group whose members are looked for.
 @export var group: StringName = &""
-## How many members are told.
+## How many members are reported.
 @export_range(1, 256) var count: int = 3
 ## How far the sensor sees, pixels.
 @export var reach: float = 500.0:
 	set(value):
 		reach = value
 		queue_redraw()
-## Whether their velocities are told, too.
+## Whether their velocities are reported, too: their property [code]velocity[/code] or
+## [code]linear_velocity[/code].
 @export var has_velocity: bool = false
-## A speed that is 1, pixels per second.
+## The speed, in pixels per second, that becomes 1.
 @export var full_speed: float = 500.0
 
 var _places := PackedVector2Array()

@@ -10,16 +10,17 @@ extends LudusSensor3D
 
 ## Group whose members are looked for.
 @export var group: StringName = &""
-## How many members are told.
+## How many members are reported.
 @export_range(1, 256) var count: int = 3
 ## How far the sensor sees, metres.
 @export var reach: float = 50.0:
 	set(value):
 		reach = value
 		redraw()
-## Whether their velocities are told, too.
+## Whether their velocities are reported, too: their property [code]velocity[/code] or
+## [code]linear_velocity[/code].
 @export var has_velocity: bool = false
-## A speed that is 1, metres per second.
+## The speed, in metres per second, that becomes 1.
 @export var full_speed: float = 20.0
 
 var _places := PackedVector3Array()

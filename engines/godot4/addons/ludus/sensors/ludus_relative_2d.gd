@@ -7,7 +7,7 @@ extends LudusSensor2D
 ##
 ## All numbers go from -1 to 1. A node that is gone is zeros.
 
-## What is told of each node, in this order.
+## What is reported of each node, in this order.
 enum Part {
 	POSITION = 1,  ## 2 numbers: place / [member reach].
 	DIRECTION = 2,  ## 2 numbers: towards the node, length 1.
@@ -17,11 +17,11 @@ enum Part {
 
 ## The nodes.
 @export var nodes: Array[Node2D] = []
-## What is told of each.
+## What is reported of each.
 @export_flags("Position:1", "Direction:2", "Velocity:4", "Rotation:8") var parts: int = 1
 ## A position this far away, pixels, is 1.
 @export var reach: float = 1000.0
-## A speed that is 1, pixels per second.
+## The speed, in pixels per second, that becomes 1.
 @export var full_speed: float = 500.0
 
 

@@ -7,7 +7,7 @@ extends LudusSensor3D
 ##
 ## All numbers go from -1 to 1. A node that is gone is zeros.
 
-## What is told of each node, in this order.
+## What is reported of each node, in this order.
 enum Part {
 	POSITION = 1,  ## 3 numbers: place / [member reach].
 	DIRECTION = 2,  ## 3 numbers: towards the node, length 1.
@@ -17,11 +17,11 @@ enum Part {
 
 ## The nodes.
 @export var nodes: Array[Node3D] = []
-## What is told of each.
+## What is reported of each.
 @export_flags("Position:1", "Direction:2", "Velocity:4", "Rotation:8") var parts: int = 1
 ## A position this far away, metres, is 1.
 @export var reach: float = 100.0
-## A speed that is 1, metres per second.
+## The speed, in metres per second, that becomes 1.
 @export var full_speed: float = 20.0
 
 
