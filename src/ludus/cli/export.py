@@ -22,7 +22,7 @@ __all__ = ["COMMAND", "ExportCommand", "run"]
 
 @dataclass(frozen=True, kw_only=True)
 class ExportCommand(ExportConfig):
-    """Write the trained policies of a run, or a model of Stable-Baselines3, as files for games.
+    """Write the trained policies of a run, or of another library, as files for games.
 
     A .ludus.json goes into a game, where the add-on plays it. An .onnx runs in ONNX Runtime and the
     like. Nothing is written unless all runtimes compute what was trained.
@@ -40,7 +40,10 @@ def run(command: ExportCommand) -> int:
     for exported in _export(command):
         size = f"{exported.num_bytes / 1024:.1f} KiB"
         parity = exported.parity
-        tested = ["  not tested (--no-parity)"] if parity is None else _parity_lines(parity)
+        original = "ONNX Runtime" if command.run.suffix == ".onnx" else "PyTorch"
+        tested = ["  not tested (--no-parity)"]
+        if parity is not None:
+            tested = _parity_lines(parity, original)
         lines = [f"{exported.policy}: {exported.path} ({size})", *tested]
         sys.stdout.write("\n".join(lines) + "\n")
     return 0
@@ -51,23 +54,27 @@ def _export(command: ExportCommand) -> list[Exported]:
         from ludus.export.sb3_export import export_model
 
         return [export_model(command)]
+    if command.run.suffix == ".onnx":
+        from ludus.export.gdrl_onnx import export_onnx
+
+        return [export_onnx(command)]
     from ludus.export.exporting import export_policies
 
     return export_policies(command)
 
 
-def _parity_lines(report: ParityReport) -> list[str]:
+def _parity_lines(report: ParityReport, original: str) -> list[str]:
     from ludus.export.compare import TOLERANCE
 
     counts = f"{report.num_random} random"
     if report.num_recorded:
         counts += f" and {report.num_recorded} recorded"
     lines = [
-        f"  {counts} observations; largest difference from PyTorch, of {TOLERANCE:g} allowed:",
+        f"  {counts} observations; largest difference from {original}, of {TOLERANCE:g} allowed:",
         *(f"    {_line(comparison)}" for comparison in report.comparisons),
     ]
     tested = " ".join(comparison.runtime for comparison in report.comparisons)
-    hints = {"ONNX Runtime": install_hint("export")}
+    hints = {} if original == "ONNX Runtime" else {"ONNX Runtime": install_hint("export")}
     if "Bevy" not in tested:
         hints["Godot"] = "ludus engine install godot4"
     missing = {name: hint for name, hint in hints.items() if name not in tested}

@@ -8,20 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from ludus.disk import disk_errors, write_atomically
-from ludus.engine import EngineKind, find_engine
-from ludus.errors import ConfigError, PolicyFileError
+from ludus.errors import PolicyFileError
 from ludus.export.config import ExportConfig
 from ludus.export.exporting import Exported
-from ludus.export.parity import PolicyFiles, measure_parity, require_parity
-from ludus.export.places import JSON, format_of, place_files
+from ludus.export.foreign import find_policy, require_json, write_tested
 from ludus.export.sb3_model import Sb3Network, to_model
 from ludus.export.sb3_zip import read_zip
-from ludus.libraries.vector import choose_policy
-from ludus.locks import TemporaryFolder
-from ludus.model.json_file import write_model
 from ludus.model.policy_model import Normalisation, is_image
-from ludus.pool import PoolConfig, open_pool
 from ludus.spec import PolicySpec
 
 __all__ = ["export_model", "export_zip"]
@@ -59,8 +52,7 @@ def export_zip(
         EngineNotFound: There is no Godot to test with.
         ParityError: A runtime computes something else; nothing is written.
     """
-    if format_of(path) != JSON:
-        raise ConfigError(f"cannot write {path}: models of SB3 become {JSON} files")
+    require_json(path, "models of SB3")
     model = read_zip(saved)
     if model.is_normalised and vec_normalize is None:
         raise PolicyFileError(
@@ -70,19 +62,8 @@ def export_zip(
         )
     normalisation = _read_normalisation(vec_normalize, spec)
     arrays = to_model(model, spec, normalisation)
-    with TemporaryFolder("export") as temporary:
-        file = temporary.path / f"policy{JSON}"
-        write_model(file, arrays)
-        report = None
-        if is_tested:
-            engine = find_engine(EngineKind.GODOT4, godot)
-            network = Sb3Network(model, spec, normalisation)
-            report = measure_parity(network.answer, arrays, PolicyFiles(file), engine, {})
-            require_parity(report)
-        data = file.read_bytes()
-    with disk_errors(str(path)):
-        write_atomically(path, data)
-    return Exported(spec.name, path, len(data), report)
+    network = Sb3Network(model, spec, normalisation)
+    return write_tested(arrays, path, network.answer, is_tested=is_tested, godot=godot)
 
 
 def export_model(config: ExportConfig) -> Exported:
@@ -92,14 +73,7 @@ def export_model(config: ExportConfig) -> Exported:
         ConfigError: No game was named, or it has no such policy.
         PolicyFileError, EngineNotFound, ParityError: As :func:`export_zip`.
     """
-    if config.game is None:
-        raise ConfigError(
-            f"{config.run} does not say which game it was trained in", hint="--game cartpole"
-        )
-    with open_pool(config.game, PoolConfig(godot=config.godot)) as pool:
-        spec = choose_policy(pool, config.policy)
-    to = config.to or f"{config.run.parent}/"
-    (path,) = place_files([spec.name], to, config.run.parent)
+    spec, path = find_policy(config, "cartpole")
     if read_zip(config.run).is_normalised is None:
         _log.warning(
             "%s does not say whether it was trained behind VecNormalize; if it was, it is unsafe "
