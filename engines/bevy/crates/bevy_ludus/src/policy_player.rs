@@ -291,6 +291,9 @@ mod tests {
         };
         assert_eq!(find_infinite(&entries, &[0, 1], seen), None);
         let found = find_infinite(&entries, &[0, 3], seen);
-        assert_eq!(found, Some((3, "observation[\"place\"][1] is NaN".to_owned())));
+        assert_eq!(
+            found,
+            Some((3, "observation[\"place\"][1] is NaN".to_owned()))
+        );
     }
 }
