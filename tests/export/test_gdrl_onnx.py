@@ -102,16 +102,16 @@ def test_deviations_behind_means_are_left_out(saved: Path) -> None:
     assert read_model(exported.path).layers[-1].bias.tolist() == [0.0, 2.0, 1.0, 0.5, -3.0, -0.25]
 
 
-def test_what_is_no_plain_network_is_named(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_not_a_plain_network_is_named(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fails(said: str) -> None:
         with pytest.raises(PolicyFileError, match=said):
             gdrl_onnx.export_onnx(ExportConfig(run=saved, game="gdrl:x", is_tested=False))
 
     fails("cannot read .*walker.onnx: No such file")
     saved.write_bytes(b"no network")
-    fails("this is no ONNX file")
+    fails("not an ONNX file")
     write_network(saved, (4, 8, 6), "Softplus")
-    fails("Softplus is no part of a plain network")
+    fails("a plain network has no Softplus")
     write_network(saved, (4, 8, 5), bias=np.zeros(5, np.float32))
     fails("has 5 outputs, the actions of policy walker take 6")
     write_network(saved, (5, 8, 6))

@@ -159,7 +159,7 @@ def test_a_reset_that_waits_is_refused(make_game: MakeGame) -> None:
 def test_a_misspelt_method_is_guessed(make_game: MakeGame, method: str, written: str) -> None:
     script = make_game() / "game.gd"
     script.write_text(script.read_text().replace(f"{method}()", f"{written}()"))
-    said = rf"no method {method}\(\); is {written}\(\) that, misspelt"
+    said = rf"no method {method}\(\); did you misspell it as {written}\(\)"
     with pytest.raises(ludus.LudusError, match=said):
         ludus.make(str(script.parent))
 

@@ -285,7 +285,7 @@ def test_a_policy_in_the_scene(
 
 
 @pytest.mark.parametrize("is_in_scene", [True, False])
-def test_an_observation_that_is_no_number_is_told_once(
+def test_an_observation_of_nan_is_reported_once(
     is_in_scene: bool, project: Path, games: Games
 ) -> None:
     script = project / "pole.gd"
@@ -293,7 +293,7 @@ def test_an_observation_that_is_no_number_is_told_once(
     write_model(project / "pole.ludus.json", linear_policy("pole", [-1.0]))
     policy = f"--ludus-policy=pole={project / 'pole.ludus.json'}"
     game = games.start(project, "res://pole.tscn", *([] if is_in_scene else [policy]))
-    # Whoever names a policy in the command line sees no other sign that something is wrong.
+    # A policy from the command line is being tried out, so that a mistake ends the game.
     assert game.wait() == (0 if is_in_scene else 1), game.lines
     warnings = [line for line in game.lines if 'observation["observation"][0] is ' in line]
     assert len(warnings) == 1 and "world 0, agent Agent" in warnings[0], game.lines

@@ -59,7 +59,7 @@ def test_every_policy_gets_its_episodes_and_no_more(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", ["null", "nan", "-inf", "1e99999"])
-def test_a_return_that_is_no_number_is_an_error(tmp_path: Path, number: str) -> None:
+def test_a_return_that_is_not_finite_is_an_error(tmp_path: Path, number: str) -> None:
     with pytest.raises(GameError, match=r"hero: an episode of 7 steps has the return (nan|-?inf)"):
         play(tmp_path, REPORT % ("hero", number) + "sleep 60\n")
     assert is_gone(tmp_path)

@@ -86,7 +86,7 @@ def evaluate(
             )
         raise ConfigError(
             f"{target} is a game, and nothing was named that plays it",
-            "--policy with a run folder or a .ludus.json file, or --random; "
+            "name what plays: --policy with a run folder or a .ludus.json file, or --random; "
             'in Python the second argument, a path or "random"',
         )
     paths = [Path(target)] if policy is None else _paths(policy)

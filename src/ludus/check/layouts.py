@@ -20,6 +20,8 @@ TITLE = "isolated worlds and the grid play the same episodes"
 LAYOUTS = {"isolated": "isolated", "grid": "in the grid"}
 """How to say that a game runs in a layout."""
 SCRIPT_STEPS = 64
+WORTH_IT = 1.5
+"""How many times as fast another layout has to be to be suggested; less may be noise."""
 NUM_SLICES = 8
 GRID_HINT = (
     "use coordinates local to the scene's root (position, not global_position), and make "
@@ -68,9 +70,9 @@ def _speed(
     title = f"the grid is {grid / isolated:.2g} times as fast as isolated worlds"
     detail = f"{grid:,.0f} and {isolated:,.0f} agent-steps/s with {num_worlds} worlds in one engine"
     hint = ""
-    if own != "grid" and grid > 1.5 * isolated and comparison.verdict is not Verdict.DIFFERENT:
+    if own != "grid" and grid > WORTH_IT * isolated and comparison.verdict is not Verdict.DIFFERENT:
         hint = "set LudusWorld.layout to Grid"
-    if own == "grid" and isolated > 1.5 * grid:
+    if own == "grid" and isolated > WORTH_IT * grid:
         hint = "set LudusWorld.layout to Isolated, or compare with more worlds"
     data = {
         "num_worlds": num_worlds,

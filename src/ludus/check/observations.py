@@ -49,16 +49,13 @@ def _entry(recording: Recording, policy: PolicySpec, entry: ObservationEntry) ->
     findings += _out_of_bounds(name, entry, low, high)
     constant = np.flatnonzero(low == high)
     if len(constant) and len(values) > 1:
-        which = (
-            f"element {ranges(constant)}" if len(constant) == 1 else f"elements {ranges(constant)}"
-        )
-        hint = "leave out what is always so; a sensor may keep it, such as a count that is full"
+        same = f": always {low[constant[0]]:.6g}" if len(constant) == 1 else ""
         if len(constant) == entry.size:
             which = "all elements" if entry.size > 1 else "the value"
-            hint = (
-                "it says nothing: look how it is computed; of a sensor, its group, mask and reach"
-            )
-        same = f": always {low[constant[0]]:.6g}" if len(constant) == 1 else ""
+            hint = "check how it is computed; for a sensor, its group, mask and reach"
+        else:
+            which = f"element{'s' * (len(constant) > 1)} {ranges(constant)}"
+            hint = "leave them out; those of a sensor may stay, such as a count that is always full"
         findings.append(
             warn(
                 f"{name}: constant elements",

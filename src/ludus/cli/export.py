@@ -41,9 +41,7 @@ def run(command: ExportCommand) -> int:
         size = f"{exported.num_bytes / 1024:.1f} KiB"
         parity = exported.parity
         original = "ONNX Runtime" if command.run.suffix == ".onnx" else "PyTorch"
-        tested = ["  not tested (--no-parity)"]
-        if parity is not None:
-            tested = _parity_lines(parity, original)
+        tested = _parity_lines(parity, original) if parity else ["  not tested (--no-parity)"]
         lines = [f"{exported.policy}: {exported.path} ({size})", *tested]
         sys.stdout.write("\n".join(lines) + "\n")
     return 0

@@ -68,7 +68,7 @@ def export_policies(
         CheckpointError: There is no such run or checkpoint, or it is corrupt.
         ConfigError: There is no such policy, or no such format.
         RunError: The format that was named cannot hold a network.
-        EngineNotFound: There is no Godot to test with.
+        EngineNotFound: No Godot was found to test with.
         SetupError: The Bevy game to test with cannot be built.
         ParityError: A runtime computes something else than was trained; nothing is written.
         ModuleNotFoundError: ``onnx`` is not installed, and is needed.

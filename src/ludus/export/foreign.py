@@ -66,7 +66,7 @@ def write_tested(
         godot: Engine to test with; None: the one that is found.
 
     Raises:
-        EngineNotFound: There is no Godot to test with.
+        EngineNotFound: No Godot was found to test with.
         ParityError: A runtime computes something else; nothing is written.
     """
     with TemporaryFolder("export") as temporary:

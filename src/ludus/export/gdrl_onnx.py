@@ -20,7 +20,7 @@ from ludus.export.config import ExportConfig
 from ludus.export.exporting import Exported
 from ludus.export.foreign import find_policy, require_json, write_tested
 from ludus.export.inputs import ParityInputs
-from ludus.export.runtimes import Answers
+from ludus.export.runtimes import Answers, most_probable
 from ludus.model.policy_model import Activation, Distribution, Linear, PolicyModel
 from ludus.spec import DiscreteAction, PolicySpec
 
@@ -44,7 +44,7 @@ def export_onnx(config: ExportConfig) -> Exported:
 
     Raises:
         ConfigError: No game was named, or it has no such policy.
-        PolicyFileError: The file cannot be read, is no plain network, or does not fit the game.
+        PolicyFileError: The file cannot be read, is not a plain network, or does not fit the game.
         EngineNotFound, ParityError: As :func:`ludus.export.foreign.write_tested`.
         ModuleNotFoundError: ``onnx`` or ``onnxruntime`` is not installed.
     """
@@ -96,7 +96,7 @@ def _read_layers(path: Path) -> list[Linear]:
     except OSError as error:
         raise PolicyFileError(f"cannot read {path}: {error.strerror}") from error
     except (DecodeError, ValueError, TypeError) as error:
-        raise PolicyFileError(f"{path}: this is no ONNX file: {error}") from error
+        raise PolicyFileError(f"{path}: not an ONNX file: {error}") from error
     layers: list[Linear] = []
     for node in _nodes_between(graph, path):
         if node.op_type == "Gemm":
@@ -106,7 +106,7 @@ def _read_layers(path: Path) -> list[Linear]:
             layers[-1] = Linear(layers[-1].weight, layers[-1].bias, activation)
         elif node.op_type not in _PASSING or (node.op_type == "Concat" and len(node.input) > 1):
             raise PolicyFileError(
-                f"{path}: {node.op_type} is no part of a plain network",
+                f"{path}: a plain network has no {node.op_type}",
                 HINT,
             )
     if not layers or layers[-1].activation != "none":
@@ -133,7 +133,7 @@ def _linear(node: Any, arrays: dict[str, NDArray[Any]], path: Path) -> Linear:
     weight, bias = (arrays.get(name) for name in (*node.input[1:], "", "")[:2])
     is_plain = settings.get("alpha", 1.0) == settings.get("beta", 1.0) == 1.0
     if weight is None or bias is None or not is_plain or settings.get("transA"):
-        raise PolicyFileError(f"{path}: {node.name or 'a Gemm'} is no linear layer")
+        raise PolicyFileError(f"{path}: {node.name or 'a Gemm'} is not a linear layer")
     rows = weight if settings.get("transB") else weight.T
     return Linear(np.ascontiguousarray(rows, np.float32), bias.astype(np.float32), "none")
 
@@ -183,13 +183,8 @@ class _Reference:
         names = [value.name for value in self._session.get_inputs()]
         feed = {name: seen.astype(np.float32) if name == INPUT else states for name in names}
         outputs = self._session.run([OUTPUT], feed)[0][:, self._order]
-        choices: list[NDArray[np.int64]] = []
-        start = 0
-        for n in self._spec.nvec:
-            choices.append(outputs[:, start : start + n].argmax(axis=1))
-            start += n
-        discrete = np.stack(choices, axis=1) if choices else np.zeros((len(seen), 0), np.int64)
-        means = outputs[:, start:]
+        discrete = most_probable(outputs, self._spec.nvec, None)
+        means = outputs[:, outputs.shape[1] - self._spec.continuous_size :]
         low, high = self._spec.continuous_bounds()
         log_std = np.full_like(means, NO_DEVIATION)
         return outputs, log_std, discrete, np.clip(means, low, high)

@@ -17,7 +17,7 @@ from ludus.model.json_file import read_model
 from ludus.networks.policy import Policy
 from ludus.networks.tensors import as_tensor, as_tensors
 
-__all__ = ["Answers", "answer_with_numpy", "answer_with_onnx", "answer_with_torch"]
+__all__ = ["Answers", "answer_with_numpy", "answer_with_onnx", "answer_with_torch", "most_probable"]
 
 
 @dataclass(frozen=True)
@@ -117,3 +117,24 @@ def answer_with_onnx(path: Path, inputs: ParityInputs) -> Answers:
             answer.get("continuous", none.astype(np.float32)),
         ))  # fmt: skip
     return Answers.of_steps(steps)
+
+
+def most_probable(
+    outputs: NDArray[np.float32], nvec: Sequence[int], mask: NDArray[np.bool_] | None
+) -> NDArray[np.int64]:
+    """Return the choice of every discrete component with the largest logit that is allowed.
+
+    Args:
+        outputs: Logits of all components first, in order.
+        nvec: Alternatives of each component.
+        mask: ``bool[n, logits]``; None allows all.
+    """
+    chosen = np.zeros((len(outputs), len(nvec)), np.int64)
+    start = 0
+    for i, n in enumerate(nvec):
+        logits = outputs[:, start : start + n]
+        if mask is not None:
+            logits = np.where(mask[:, start : start + n], logits, -1e8)
+        chosen[:, i] = logits.argmax(1)
+        start += n
+    return chosen

@@ -49,7 +49,7 @@ def export_zip(
     Raises:
         PolicyFileError: The model cannot be read, does not fit the game, or lacks the statistics
             of its observations.
-        EngineNotFound: There is no Godot to test with.
+        EngineNotFound: No Godot was found to test with.
         ParityError: A runtime computes something else; nothing is written.
     """
     require_json(path, "models of SB3")

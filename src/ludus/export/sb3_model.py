@@ -7,7 +7,7 @@ Two readings of the same weights: :func:`to_model` makes arrays of POLICY.md of 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -18,7 +18,7 @@ from torch import Tensor, nn
 
 from ludus.errors import PolicyFileError
 from ludus.export.inputs import ParityInputs
-from ludus.export.runtimes import Answers
+from ludus.export.runtimes import Answers, most_probable
 from ludus.export.sb3_zip import Sb3Model
 from ludus.model.policy_model import (
     Convolution,
@@ -193,7 +193,7 @@ class Sb3Network:
             x = self._function(nn.functional.linear(x, weight, bias))
         raw = nn.functional.linear(x, *self._parts.head).numpy()
         spec, size = self._spec, self._spec.continuous_size
-        discrete = _choose(raw, spec.nvec, mask)
+        discrete = most_probable(raw, spec.nvec, mask)
         low, high = spec.continuous_bounds()
         middle, half = _middle_and_half(spec)
         mean, log_std = raw[:, len(raw[0]) - size :], np.zeros((len(raw), size), np.float32)
@@ -283,20 +283,6 @@ def _columns(spec: PolicySpec, image_sizes: Mapping[str, int]) -> NDArray[np.int
 def _middle_and_half(spec: PolicySpec) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     low, high = (bound.astype(np.float64) for bound in spec.continuous_bounds())
     return (low + high) / 2, (high - low) / 2
-
-
-def _choose(
-    outputs: NDArray[np.float32], nvec: Sequence[int], mask: NDArray[np.bool_] | None
-) -> NDArray[np.int64]:
-    chosen = np.zeros((len(outputs), len(nvec)), np.int64)
-    start = 0
-    for i, n in enumerate(nvec):
-        logits = outputs[:, start : start + n]
-        if mask is not None:
-            logits = np.where(mask[:, start : start + n], logits, -1e8)
-        chosen[:, i] = logits.argmax(1)
-        start += n
-    return chosen
 
 
 def _array(tensor: Tensor) -> NDArray[np.float32]:

@@ -9,16 +9,12 @@ from ludus.errors import ActionError, ConfigError, GameError, ProtocolError
 from ludus.legacy.game import Declaration, Outcome
 from ludus.spec import AgentSpec, PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batch
-from ludus.spec.batch_rows import (
-    action_reader,
-    clear_outcome,
-    write_finals,
-    write_state,
-    write_states,
-)
+from ludus.spec.batch_rows import action_reader, clear_outcome, write_finals, write_states
 from ludus.spec.gymnasium_spec import read_action, read_observation
 
 __all__ = ["LegacyWorld", "num_agents_of", "read_declarations"]
+
+_MISFITS = (ValueError, TypeError, KeyError, AttributeError)
 
 
 class LegacyWorld:
@@ -73,9 +69,9 @@ class LegacyWorld:
         self._check_shape("discrete", own.discrete.shape, self._discrete_shape)
         self._check_shape("continuous", own.continuous.shape, self._continuous_shape)
         for row, place in enumerate(self._rows):
-            is_active = self._is_active[row]
-            rows = own.discrete[row], own.continuous[row]
-            into[place] = self._to_action(*rows) if is_active else None
+            into[place] = None
+            if self._is_active[row]:
+                into[place] = self._to_action(own.discrete[row], own.continuous[row])
 
     def take(self, outcome: Outcome) -> bool:
         """Write down what a step led to.
@@ -129,7 +125,7 @@ class LegacyWorld:
         rows = [row for row, _ in finals]
         try:
             write_finals(self.batch, finals)
-        except (ValueError, TypeError, KeyError) as error:
+        except _MISFITS as error:
             raise _does_not_fit(rows, error) from error
         waiting = [row for row in rows if not self._is_active[row]]
         for values in self.batch.observation.values():
@@ -153,16 +149,11 @@ class LegacyWorld:
         own = [observations[self._rows[row]] for row in rows]
         try:
             write_states(self.batch, rows, own)
-        except (
-            ValueError,
-            TypeError,
-            KeyError,
-            AttributeError,
-        ):  # the first one that does not fit is named
+        except _MISFITS:  # once more one by one, to name the first that does not fit
             for row, observation in zip(rows, own, strict=True):
                 try:
-                    write_state(self.batch, row, observation)
-                except (ValueError, TypeError, KeyError) as error:
+                    write_states(self.batch, [row], [observation])
+                except _MISFITS as error:
                     raise _does_not_fit([row], error) from error
 
 

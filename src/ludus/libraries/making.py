@@ -212,7 +212,7 @@ def open_game(
     if isinstance(parsed, Legacy):
         settings = _split_for_bridge(settings)
     known = PoolConfig.__dataclass_fields__
-    for unknown in settings.keys() - known:  # TorchRL looks for just these words
+    for unknown in sorted(settings.keys() - known):  # TorchRL looks for just these words
         meant = "num_worlds" if unknown == "num_envs" else unknown  # as Gymnasium has it
         hint = did_you_mean(meant, known, "settings are")
         raise ArgumentError(f"unexpected keyword argument {unknown!r}", hint)

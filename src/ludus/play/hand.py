@@ -57,8 +57,8 @@ def _ask(pool: EnginePool, spec: PolicySpec, batches: Batches) -> dict[int, Any]
         except GameError as error:
             raise TargetError(
                 f"nobody can play policy {spec.name} by hand: {error.message}",
-                f"give the agent a method {METHOD}(), a controller of Godot RL Agents get_action() "
-                "and a set_action() that needs no argument, or use --policy or --random",
+                f"give the agent a method {METHOD}() (Godot RL Agents: get_action(), and a "
+                "set_action() that needs no argument), or use --policy or --random",
             ) from error
     return said
 

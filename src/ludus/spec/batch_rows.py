@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ludus.spec import ContinuousAction
 from ludus.spec.batch import Batch
-from ludus.spec.gymnasium_spec import SINGLE_ENTRY, read_action
+from ludus.spec.gymnasium_spec import read_action
 
 __all__ = ["action_reader", "clear_outcome", "write_finals", "write_state", "write_states"]
 
@@ -56,36 +56,33 @@ def write_state(
     batch: Batch, row: int, observation: Any, info: Mapping[str, Any] | None = None
 ) -> None:
     """Write one agent's observation, and the mask in its info, into ``batch``."""
-    if isinstance(observation, Mapping):
-        for name, value in cast(Mapping[str, Any], observation).items():
-            batch.observation[name][row] = np.reshape(value, batch.observation[name].shape[1:])
-    else:
-        batch.observation[SINGLE_ENTRY][row] = observation
+    write_states(batch, [row], [observation])
     if batch.action_mask is not None and info is not None:
         batch.action_mask[row] = np.asarray(info["action_mask"], np.bool_)
 
 
 def write_states(batch: Batch, rows: Sequence[int], observations: Sequence[Any]) -> None:
-    """Write what some agents observe, all at once; their observations have the same entries."""
-    is_named = len(rows) > 0 and isinstance(observations[0], Mapping)
-    names = batch.observation.keys()
-    if is_named and any(seen.keys() != names for seen in observations):
-        raise KeyError(f"other entries than {list(names)}")
-    for name, array in batch.observation.items():
-        values = [seen[name] for seen in observations] if is_named else observations
-        array[rows] = np.reshape(values, (len(rows), *array.shape[1:]))
+    """Write what some agents observe, all at once."""
+    for name, values in _stacked(batch, observations):
+        batch.observation[name][rows] = values
 
 
 def write_finals(batch: Batch, finals: list[tuple[int, Any]]) -> None:
     """Write the last observations of the episodes that ended, by row."""
     batch.final_index = np.asarray([row for row, _ in finals], np.int64)
+    for name, values in _stacked(batch, [observation for _, observation in finals]):
+        batch.final_observation[name] = values.astype(batch.observation[name].dtype, copy=False)
+
+
+def _stacked(batch: Batch, observations: Sequence[Any]) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield each entry and its values, ``[n, *shape]``, of observations with the same entries."""
+    names = batch.observation.keys()
+    is_named = len(observations) > 0 and isinstance(observations[0], Mapping)
+    if is_named and any(seen.keys() != names for seen in observations):
+        raise KeyError(f"other entries than {list(names)}")
     for name, array in batch.observation.items():
-        rows = np.zeros((len(finals), *array.shape[1:]), array.dtype)
-        for index, (_, observation) in enumerate(finals):
-            is_named = isinstance(observation, Mapping)
-            value = cast(Mapping[str, Any], observation)[name] if is_named else observation
-            rows[index] = np.reshape(value, array.shape[1:])
-        batch.final_observation[name] = rows
+        values = [seen[name] for seen in observations] if is_named else observations
+        yield name, np.reshape(values, (len(observations), *array.shape[1:]))
 
 
 def clear_outcome(batch: Batch) -> None:

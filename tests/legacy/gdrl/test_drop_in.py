@@ -167,11 +167,14 @@ def test_ends_and_time_limits_are_told_apart(pool: EnginePool) -> None:
     assert step(pool, 0.0, 0.0, 0.0, 0.0).observation["obs"][1:, 1].tolist() == [TICKS - 1] * 3
 
 
-DEMO_SCENE = f"""\
+def write_scene(path: Path, walker: str, sync: str = "", more: str = "") -> None:
+    """Write a scene with one walker, our script with settings, and perhaps another node."""
+    path.write_text(f"""\
 [gd_scene format=3]
 
-[ext_resource type="Script" path="res://demonstrator.gd" id="1"]
+[ext_resource type="Script" path="res://{walker}.gd" id="1"]
 [ext_resource type="Script" path="res://{SYNC}" id="2"]
+[ext_resource type="Script" path="res://probe.gd" id="3"]
 
 [node name="Walkers" type="Node"]
 
@@ -181,12 +184,15 @@ script = ExtResource("1")
 [node name="Sync" type="Node" parent="."]
 script = ExtResource("2")
 action_repeat = {TICKS}
-"""
+{sync}
+{more}
+""")
 
 
 @pytest.mark.engine
 def test_a_person_plays_a_controller_that_records_demonstrations(project: Path) -> None:
-    (project / "demo.tscn").write_text(DEMO_SCENE)
+    (project / "probe.gd").write_text(PROBE)
+    write_scene(project / "demo.tscn", "demonstrator")
     with ludus.open_pool(str(project), ludus.PoolConfig(scene="res://demo.tscn")) as opened:
         act = hand_player(opened)
         batches = opened.reset(seed=1)
@@ -217,27 +223,6 @@ func _physics_process(_delta: float) -> void:
 		print("%s moves %.4f" % [_walker.heuristic, _walker.get("_speed")])
 		get_tree().quit()
 """
-PLAYED_SCENE = f"""\
-[gd_scene format=3]
-
-[ext_resource type="Script" path="res://walker.gd" id="1"]
-[ext_resource type="Script" path="res://{SYNC}" id="2"]
-[ext_resource type="Script" path="res://probe.gd" id="3"]
-
-[node name="Walkers" type="Node"]
-
-[node name="First" type="Node" parent="."]
-script = ExtResource("1")
-
-[node name="Sync" type="Node" parent="."]
-script = ExtResource("2")
-control_mode = 2
-action_repeat = {TICKS}
-onnx_model_path = "res://walker.onnx"
-
-[node name="Probe" type="Node" parent="."]
-script = ExtResource("3")
-"""
 
 
 def write_policy(path: Path, spec: PolicySpec) -> None:
@@ -261,7 +246,9 @@ def write_policy(path: Path, spec: PolicySpec) -> None:
 @pytest.mark.engine
 def test_exported_policy_plays_in_place_of_onnx(project: Path, pool: EnginePool) -> None:
     (project / "probe.gd").write_text(PROBE)
-    (project / "played.tscn").write_text(PLAYED_SCENE)
+    settings = 'control_mode = 2\nonnx_model_path = "res://walker.onnx"\n'
+    probe = '[node name="Probe" type="Node" parent="."]\nscript = ExtResource("3")\n'
+    write_scene(project / "played.tscn", "walker", settings, probe)
     godot = find_engine(EngineKind.GODOT4).executable(headless=True)
     command = [str(godot), "--headless", "--fixed-fps", "60", "--quit-after", "60"]
     command += ["--path", str(project), "res://played.tscn"]

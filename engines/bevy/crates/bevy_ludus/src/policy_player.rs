@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_number_that_is_none_is_named() {
+    fn the_first_number_that_is_not_finite_is_named() {
         let entries = [
             entry("pixels", DType::Uint8),
             entry("place", DType::Float32),

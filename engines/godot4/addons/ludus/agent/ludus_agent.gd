@@ -235,7 +235,7 @@ static func _guess(node: Object, method: StringName) -> String:
 	if script == null:
 		return ""
 	var found := LudusScriptReview.find_misspelt(script, method, true)
-	return "" if found.is_empty() else "; is %s() that, misspelt?" % found
+	return "" if found.is_empty() else "; did you misspell it as %s()?" % found
 
 
 func _describe(node: Object) -> String:
