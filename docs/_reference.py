@@ -16,6 +16,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -25,6 +26,28 @@ from ludus.engine import EngineKind, find_engine
 
 ADDON = Path(__file__).parents[1] / "engines" / "godot4"
 SOURCE = Path(ludus.errors.__file__).parent
+
+# GDScript has no access modifiers: these members are public because the add-on's own scripts share
+# them. Games have no use for them.
+ADDON_INTERNALS = {
+    "LudusActionComponent": "is_valid to_json describe",
+    "LudusAgent": "FORMER_SAMPLE_ACTIONS observer connect_to_game game_observes known_entries "
+    "has_mask is_in_batch doubts is_leaving has_truncation has_manual_action path_in_world",
+    "LudusCamera2D": "connect_viewport aim_viewport",
+    "LudusCamera3D": "connect_viewport aim_viewport",
+    "LudusDebugView": "take_decision take_person",
+    "LudusObservationEntry": "infer num_bytes to_bytes floats to_json describe",
+    "LudusPolicy": "incompatibility",
+    "LudusPolicyPlayer": "advance",
+    "LudusPolicySettings": "to_json",
+    "LudusSensor2D": "make_entry",
+    "LudusSensor3D": "make_entry",
+    "LudusSimulation": "overrides describe",
+    "LudusSimulationHost": "FORMER_SAMPLE_ACTIONS is_settling place set_running is_sharing",
+    "LudusTraining": "FORMER_NAMES is_in_charge to_json",
+    "LudusWorld": "num_beginnings num_placed is_ready find_in attach take_over set_seed "
+    "distance_between_copies begin_episode",
+}
 
 
 def write_command_pages(folder: Path) -> None:
@@ -54,13 +77,14 @@ def write_gdscript_pages(folder: Path) -> None:
         # Without an import Godot knows no global class, and documents none.
         _run([*godot, "--import"])
         _run([*godot, "--doctool", str(xml), "--no-docbase", "--gdscript-docs", "res://addons"])
+        for class_file in xml.glob("Ludus*.xml"):
+            _leave_out_internals(class_file)
         _run([str(Path(sys.executable).with_name("c3-godot-docs-gen")), str(xml), str(pages)])
         written = {page.name: page.read_text("utf-8") for page in pages.glob("Ludus*.md")}
     # What plays games written for godot-ai; they use godot-ai's names instead.
     written = {name: text for name, text in written.items() if not name.startswith("LudusClassic")}
-    written = {name: _without_inner_constants(text) for name, text in written.items()}
     for name, text in written.items():
-        (folder / name).write_text(_site_links(text, set(written)), encoding="utf-8")
+        (folder / name).write_text(_site_links(text, name, written), encoding="utf-8")
 
 
 def write_error_pages(folder: Path) -> None:
@@ -116,18 +140,39 @@ def _code(text: str) -> str:
     return "`` " + " ".join(text.split()) + " ``"
 
 
-def _without_inner_constants(page: str) -> str:
-    """Leave out constants that hold a preloaded script, and those that are private."""
-    inner = r"(\w+ = &lt;Object&gt;|_\w+ = ).*\n\n?(?:(?![<#]).+\n+)*"
-    page = re.sub(r"<a id=\"constant-\w+\"></a>\n\n\*\*<code>" + inner, "", page)
-    return re.sub(r"^## Constants\n\n(?=## |\Z)", "", page, flags=re.MULTILINE)
+def _leave_out_internals(class_file: Path) -> None:
+    """Remove the members that games do not use from a class that Godot described.
+
+    Those are the members of `ADDON_INTERNALS`, those without a description (private ones, and
+    methods that the base class describes), and those whose type is a script without a name.
+    """
+    tree = ET.parse(class_file)
+    name = tree.getroot().get("name", "")
+    internals = set(ADDON_INTERNALS.get(name, "").split())
+    unknown = internals - {member.get("name") for member in tree.iterfind("./*/*")}
+    if unknown:
+        raise ValueError(f"ADDON_INTERNALS: {name} has no {', '.join(sorted(unknown))}")
+    for group in tree.getroot():
+        for member in list(group):
+            if member.get("name") in internals or _is_undocumented(member):
+                group.remove(member)
+    tree.write(class_file, encoding="utf-8", xml_declaration=True)
 
 
-def _site_links(page: str, pages: set[str]) -> str:
+def _is_undocumented(member: ET.Element) -> bool:
+    if member.get("enum") and member.tag == "constant":
+        return False
+    description = member.findtext("description") or member.text or ""
+    types = [part.get("type", "") for part in member.iter()]
+    is_private = member.get("name", "").startswith("_")
+    return is_private or not description.strip() or any(".gd" in type_ for type_ in types)
+
+
+def _site_links(page: str, name: str, pages: dict[str, str]) -> str:
     """Make links of a generated page work in the site.
 
     MyST does not see anchors written in HTML, so links to them become HTML, too. Links to classes
-    that have no page become text.
+    that have no page, and to members that are left out, become text.
     """
 
     def link(found: re.Match[str]) -> str:
@@ -137,6 +182,8 @@ def _site_links(page: str, pages: set[str]) -> str:
         if not anchor:
             return found[0]
         shown = re.sub(r"`([^`]*)`", r"<code>\1</code>", text)
+        if f'<a id="{anchor[1:]}">' not in pages[file or name]:
+            return shown
         return f'<a href="{file.replace(".md", ".html")}{anchor}">{shown}</a>'
 
     page = re.sub(r"\[([^\[\]]*)\]\(([\w.]*)(#[\w-]+)?\)", link, page)
