@@ -93,8 +93,8 @@ def write_error_pages(folder: Path) -> None:
     page = [
         "# Error messages",
         "",
-        "The messages that Ludus raises, by the class of the error. Words in capitals stand for",
-        "what is inserted, `…` for what is computed.",
+        "The messages that Ludus raises, by the class of the error. `<name>` stands for what is",
+        "inserted, which may be empty, and `…` for what is computed.",
     ]
     messages = _messages()
     for name in ludus.errors.__all__:
@@ -111,29 +111,73 @@ def write_error_pages(folder: Path) -> None:
 def _messages() -> dict[str, dict[str, str]]:
     """Return ``{class: {message: hint}}``, read from the calls in the source."""
     found: dict[str, dict[str, str]] = {}
-    for file in sorted(SOURCE.rglob("*.py")):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    modules = [ast.parse(file.read_text("utf-8")) for file in sorted(SOURCE.rglob("*.py"))]
+    constants: dict[str, str] = {}
+    for module in modules:
+        constants |= _constants(module)
+    for module in modules:
+        # Its own constants come before those of the same name that other modules have.
+        _ConstantInserter(constants | _constants(module)).visit(module)
+        for node in ast.walk(module):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.args:
                 named = [keyword.value for keyword in node.keywords if keyword.arg == "hint"]
                 message = _template(node.args[0])
                 hint = "".join(_template(value) for value in [*node.args[1:2], *named][:1])
                 if message.strip("…"):
-                    found.setdefault(node.func.id, {})[message] = hint.strip("…")
+                    found.setdefault(node.func.id, {})[message] = hint if hint.strip("…") else ""
     return found
 
 
+def _constants(module: ast.Module) -> dict[str, str]:
+    """Return the texts and numbers that a module names in capitals."""
+    found: dict[str, str] = {}
+    for node in module.body:
+        match node:
+            case ast.Assign(targets=[ast.Tuple(elts=names)], value=ast.Tuple(elts=values)):
+                pairs = list(zip(names, values, strict=False))
+            case ast.Assign(targets=[target], value=value):
+                pairs = [(target, value)]
+            case _:
+                continue
+        for target, value in pairs:
+            match target, value:
+                case ast.Name(id=name), ast.Constant(value=str() | int() as constant):
+                    if name.isupper():
+                        found[name] = str(constant)
+                case _:
+                    pass
+    return found
+
+
+class _ConstantInserter(ast.NodeTransformer):
+    """Puts constants into the f-strings that name them."""
+
+    def __init__(self, constants: dict[str, str]) -> None:
+        self._constants = constants
+
+    def visit_FormattedValue(self, node: ast.FormattedValue) -> ast.expr:
+        if isinstance(node.value, ast.Name) and node.value.id in self._constants:
+            return ast.Constant(self._constants[node.value.id])
+        return node
+
+
 def _template(value: ast.expr) -> str:
-    """Return the text that an expression makes, with a word or ``…`` where it inserts something."""
+    """Return the text that an expression makes, with `<name>` or `…` where it inserts something."""
     match value:
         case ast.Constant(value=str(text)):
             return text
         case ast.JoinedStr(values=parts):
-            return "".join(map(_template, parts))
+            return _join_parts([_template(part) for part in parts])
         case ast.BinOp(left=left, op=ast.Add(), right=right):
-            return _template(left) + _template(right)
+            return _join_parts([_template(left), _template(right)])
         case ast.FormattedValue(value=ast.Name(id=name) | ast.Attribute(attr=name)):
-            return name.strip("_").upper()
+            return f"<{name.strip('_').lower()}>"
     return "…"
+
+
+def _join_parts(parts: list[str]) -> str:
+    """Join parts of a text, with the space that an inserted part brings along beside a word."""
+    return re.sub(r"(?<=[\w>])(?=<\w+>)|(?<=\w>)(?=[\w\u2026])", " ", "".join(parts))
 
 
 def _code(text: str) -> str:
