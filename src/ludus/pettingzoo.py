@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -254,19 +254,12 @@ class LudusParallelEnv(ParallelEnv[str, Any, Any]):
                 )
             policy, slot = self._slots[agent]
             try:
-                own = to_action_batch(policy, _batched(actions[agent]), 1)
+                own = to_action_batch(policy, actions[agent], None)
             except ActionError as error:
                 raise ActionError(f"agent {agent!r}: {error.message}", error.hint) from error
             joined[policy.name].discrete[slot] = own.discrete[0]
             joined[policy.name].continuous[slot] = own.continuous[0]
         return joined
-
-
-def _batched(action: Any) -> Any:
-    if isinstance(action, Mapping):
-        parts = cast(Mapping[str, Any], action)
-        return {name: np.asarray(value)[None] for name, value in parts.items()}
-    return np.asarray(action)[None]
 
 
 def _masked_space(policy: PolicySpec) -> spaces.Space[Any]:

@@ -80,17 +80,21 @@ def test_fitting_actions_reach_the_wire(
         ((TURN,), [0, 3], "action 3 of agent 1 is out of range 0 to 2"),
         ((TURN,), [-1, 0], "action -1 of agent 0 is out of range"),
         ((TURN,), [0.0, 1.0], "expected whole numbers"),
-        ((TURN,), [0], "expected actions of shape"),
-        ((TURN,), [0, 1, 2], "expected actions of shape"),
+        ((TURN,), [0], r"action: expected shape \(2,\), got \(1,\)"),
+        ((TURN,), [0, 1, 2], r"expected shape \(2,\), got \(3,\)"),
         ((TURN, JUMP), [[0, 2], [0, 0]], "action 2 of agent 0 is out of range 0 to 1"),
-        ((TURN, JUMP), [0, 1], "expected actions of shape"),
+        ((TURN, JUMP), [0, 1], r"expected shape \(2, 2\), got \(2,\)"),
         ((FORCE,), [[0.0, np.nan], [0.0, 0.0]], "NaN or infinite"),
         ((FORCE,), [[0.0, np.inf], [0.0, 0.0]], "NaN or infinite"),
-        ((FORCE,), [[0.0], [0.0]], "expected actions of shape"),
+        ((FORCE,), [[0.0], [0.0]], r"expected shape \(2, 2\), got \(2, 1\)"),
         ((TURN, FORCE), [[0, 0]], "expected a dictionary"),
         ((TURN, FORCE), {"turn": [0, 0]}, "lacks force"),
         ((TURN, FORCE), {"turn": [0, 3], "force": np.zeros((2, 2))}, "out of range"),
-        ((TURN, FORCE), {"turn": [0, 0], "force": np.zeros((2, 3))}, "expected actions of shape"),
+        (
+            (TURN, FORCE),
+            {"turn": [0, 0], "force": np.zeros((2, 3))},
+            r"force: expected shape \(2, 2\)",
+        ),
     ],
 )
 def test_misfits_are_refused_with_a_reason(
@@ -98,3 +102,16 @@ def test_misfits_are_refused_with_a_reason(
 ) -> None:
     with pytest.raises(ActionError, match=reason):
         to_action_batch(policy(*parts), actions, 2)
+
+
+@pytest.mark.parametrize(
+    ("parts", "action", "expected"),
+    [((TURN,), [0, 1], r"\(\)"), ((TURN, JUMP), [0], r"\(2,\)"), ((FORCE,), [0.5], r"\(2,\)")],
+)
+def test_one_action_is_compared_with_the_space_of_one_agent(
+    parts: tuple[ActionComponent, ...], action: Any, expected: str
+) -> None:
+    space = action_space(policy(*parts))
+    to_action_batch(policy(*parts), space.sample(), None)
+    with pytest.raises(ActionError, match=f"expected shape {expected}, got"):
+        to_action_batch(policy(*parts), action, None)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, cast
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -112,7 +112,7 @@ class LudusEnv(gymnasium.Env[Any, Any]):
         """
         if self._needs_reset:
             raise SequenceError("step outside an episode", hint="call reset() first")
-        own = to_action_batch(self.policy, _batched(action), 1)
+        own = to_action_batch(self.policy, action, None)
         batches = self.pool.step({**self._others.act(), self.policy.name: own})
         self._others.observe(batches)
         batch = batches[self.policy.name]
@@ -152,10 +152,3 @@ class LudusEnv(gymnasium.Env[Any, Any]):
     def _info(self, batch: Batch) -> dict[str, Any]:
         # A copy: when an episode ends, the same batch also answers the next reset.
         return {} if batch.action_mask is None else {"action_mask": batch.action_mask[0].copy()}
-
-
-def _batched(action: Any) -> Any:
-    if isinstance(action, Mapping):
-        parts = cast(Mapping[str, Any], action)
-        return {name: np.asarray(value)[None] for name, value in parts.items()}
-    return np.asarray(action)[None]

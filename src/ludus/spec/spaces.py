@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, cast
 
@@ -16,6 +17,7 @@ from ludus.spec.batch import ActionBatch
 __all__ = ["action_space", "actions_of", "observation_of", "observation_space", "to_action_batch"]
 
 FLAT_ENTRY = "observation"
+_HINT = "action_space.sample() of the environment shows the form"
 
 
 def observation_space(policy: PolicySpec) -> spaces.Space[Any]:
@@ -47,8 +49,13 @@ def observation_of(
     return entries[FLAT_ENTRY] if is_flat(policy) else dict(entries)
 
 
-def to_action_batch(policy: PolicySpec, actions: Any, num_agents: int) -> ActionBatch:
-    """Turn batched actions of :func:`action_space` into wire form.
+def to_action_batch(policy: PolicySpec, actions: Any, num_agents: int | None) -> ActionBatch:
+    """Turn actions of :func:`action_space` into wire form.
+
+    Args:
+        policy: Whose actions.
+        actions: A batch of them, or the action of one agent.
+        num_agents: Size of the batch; None if it is not a batch, but one action.
 
     Raises:
         ActionError: Wrong shape, not finite, or a choice out of range.
@@ -56,14 +63,12 @@ def to_action_batch(policy: PolicySpec, actions: Any, num_agents: int) -> Action
     if policy.continuous_size and policy.nvec:
         batch = _from_dict(policy, actions, num_agents)
     elif policy.nvec:
-        batch = ActionBatch(
-            _discrete(actions, num_agents, policy.num_discrete), np.zeros((num_agents, 0), "f4")
-        )
+        shape = () if policy.num_discrete == 1 else (policy.num_discrete,)
+        discrete = _discrete(actions, num_agents, shape)
+        batch = ActionBatch(discrete, np.zeros((len(discrete), 0), "f4"))
     else:
-        batch = ActionBatch(
-            np.zeros((num_agents, 0), np.int64),
-            _continuous(actions, num_agents, policy.continuous_size),
-        )
+        continuous = _continuous(actions, num_agents, policy.continuous_size)
+        batch = ActionBatch(np.zeros((len(continuous), 0), np.int64), continuous)
     _check(policy, batch)
     return batch
 
@@ -105,40 +110,48 @@ def _component_space(part: DiscreteAction | ContinuousAction) -> spaces.Space[An
     return spaces.Box(low, high, dtype=np.float32)
 
 
-def _discrete(values: Any, num_agents: int, count: int) -> NDArray[np.int64]:
+def _discrete(
+    values: Any, num_agents: int | None, shape: tuple[int, ...], name: str = "action"
+) -> NDArray[np.int64]:
     array = np.asarray(values)
     if array.dtype.kind not in "iu":
-        raise ActionError(f"expected whole numbers as discrete action, got {array.dtype}")
-    return _shaped(array.astype(np.int64, copy=False), num_agents, count)
+        raise ActionError(f"{name}: expected whole numbers, got {array.dtype}", hint=_HINT)
+    return _as_rows(array.astype(np.int64, copy=False), num_agents, shape, name)
 
 
-def _continuous(values: Any, num_agents: int, count: int) -> NDArray[np.float32]:
-    return _shaped(np.asarray(values, dtype=np.float32), num_agents, count)
+def _continuous(
+    values: Any, num_agents: int | None, size: int, name: str = "action"
+) -> NDArray[np.float32]:
+    return _as_rows(np.asarray(values, dtype=np.float32), num_agents, (size,), name)
 
 
-def _shaped(array: NDArray[Any], num_agents: int, count: int) -> NDArray[Any]:
-    if array.size != num_agents * count or (array.ndim > 0 and array.shape[0] != num_agents):
-        raise ActionError(
-            f"expected actions of shape ({num_agents}, {count}), got {array.shape}",
-            hint="env.action_space.sample() shows the form",
-        )
-    return array.reshape(num_agents, count)
+def _as_rows(
+    array: NDArray[Any], num_agents: int | None, shape: tuple[int, ...], name: str
+) -> NDArray[Any]:
+    """Return actions, of ``shape`` for each agent, with one row per agent."""
+    expected = shape if num_agents is None else (num_agents, *shape)
+    is_other_batch = num_agents is not None and array.ndim > 0 and len(array) != num_agents
+    if array.size != math.prod(expected) or is_other_batch:
+        raise ActionError(f"{name}: expected shape {expected}, got {array.shape}", hint=_HINT)
+    return array.reshape(1 if num_agents is None else num_agents, math.prod(shape))
 
 
-def _from_dict(policy: PolicySpec, actions: Any, num_agents: int) -> ActionBatch:
+def _from_dict(policy: PolicySpec, actions: Any, num_agents: int | None) -> ActionBatch:
     if not isinstance(actions, Mapping):
-        raise ActionError(f"expected a dictionary of actions, got {type(actions).__name__}")
+        raise ActionError(
+            f"expected a dictionary of actions, got {type(actions).__name__}", hint=_HINT
+        )
     values = cast(Mapping[str, Any], actions)
     missing = [part.name for part in policy.action if part.name not in values]
     if missing:
-        raise ActionError(f"the action lacks {', '.join(missing)}")
+        raise ActionError(f"the action lacks {', '.join(missing)}", hint=_HINT)
     discrete = [
-        _discrete(values[part.name], num_agents, 1)
+        _discrete(values[part.name], num_agents, (), part.name)
         for part in policy.action
         if isinstance(part, DiscreteAction)
     ]
     continuous = [
-        _continuous(values[part.name], num_agents, part.size)
+        _continuous(values[part.name], num_agents, part.size, part.name)
         for part in policy.action
         if isinstance(part, ContinuousAction)
     ]
