@@ -5,11 +5,13 @@ from __future__ import annotations
 import itertools
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from ludus.cli.runs import listing
 from ludus.errors import DivergenceError
 from ludus.runs.control import StopRequest
 from ludus.runs.run_folder import RunFolder
@@ -149,6 +151,26 @@ def test_a_run_with_damaged_files_has_crashed(result: bytes, tmp_path: Path) -> 
     assert summary.state == "crashed"
     assert summary.policies["hero"].curve == (0.0, 0.1, 0.2)
     assert summary.policies["foe"].mean_return is None
+
+
+def test_the_newest_mean_of_each_metric_of_the_game_is_told(tmp_path: Path) -> None:
+    (tmp_path / "config.json").write_text('{"target": "tag", "policies": {"hero": {}}}')
+    games: list[object] = [
+        {"coins": {"mean": 1.0}, "falls": {"mean": 0.5}},
+        {"coins": {"mean": 2.0}, "lives": {"mean": None}, "time": 3},
+        "none",
+    ]
+    written = [
+        json.dumps({"agent_steps": step, "policies": {}, "game": game})
+        for step, game in enumerate(games)
+    ]
+    (tmp_path / "metrics.jsonl").write_text("\n".join(written))
+    (summary,) = list_runs(tmp_path)
+    assert summary.game == {"coins": 2.0, "falls": 0.5}
+    means = {f"metric {number}": 1.0 / 3 for number in range(8)}
+    text = listing([replace(summary, game=means)])[-1].plain
+    assert text.startswith("  game: metric 0 0.3333, metric 1 0.3333, ")
+    assert text.endswith("metric 5 0.3333 and 2 more")
 
 
 def test_the_last_one_started_comes_first(small: Any) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 __all__ = ["COMMAND", "RunsCommand", "run"]
 
 HINT = "start one: ludus train cartpole"
+MAX_GAME_METRICS = 6
+"""Metrics of the game in the listing, where it has up to 64."""
 STYLES: dict[RunState, str] = {
     "running": "bold cyan",
     "finished": "green",
@@ -35,7 +37,7 @@ STYLES: dict[RunState, str] = {
 
 @dataclass(frozen=True)
 class RunsCommand:
-    """List the runs in a folder, newest first, with the last figures of each policy.
+    """List the runs in a folder, newest first, with the last figures of their policies and games.
 
     Attributes:
         folder: Folder that holds the run folders, or a single run folder.
@@ -79,7 +81,7 @@ def to_plain(run: RunSummary) -> dict[str, Any]:
 
 
 def listing(runs: Sequence[RunSummary]) -> list[Text]:
-    """Return a line for each run, and one for each of its policies."""
+    """Return a line for each run, one for each of its policies, and one for the game's metrics."""
     from rich.text import Text
 
     name_width = max(len(run.path.resolve().name) for run in runs)
@@ -93,7 +95,15 @@ def listing(runs: Sequence[RunSummary]) -> list[Text]:
         lines.append(line)
         for name, policy in run.policies.items():
             lines.append(Text(f"  {name:<{policy_width}}  ").append_text(_figures(policy)))
+        if run.game:
+            lines.append(Text(f"  game: {_game_metrics(run.game)}"))
     return lines
+
+
+def _game_metrics(means: Mapping[str, float]) -> str:
+    shown = [f"{name} {mean:.4g}" for name, mean in means.items()][:MAX_GAME_METRICS]
+    num_more = len(means) - len(shown)
+    return ", ".join(shown) + (f" and {num_more} more" if num_more else "")
 
 
 def _amount(run: RunSummary) -> str:

@@ -65,6 +65,7 @@ class RunSummary:
         updates: Updates so far.
         wall_s: Seconds of training so far.
         policies: By name.
+        game: Newest mean of each metric that the game reports, by name.
     """
 
     path: Path
@@ -76,6 +77,7 @@ class RunSummary:
     updates: int
     wall_s: float
     policies: dict[str, PolicySummary]
+    game: dict[str, float]
 
 
 def list_runs(folder: Path) -> list[RunSummary]:
@@ -122,6 +124,7 @@ def _summary(path: Path) -> RunSummary | None:
             printable(name): _policy(lines, name, _number(_object(result, "evaluation"), name))
             for name in _object(config, "policies")
         },
+        game=_game(lines),
     )
 
 
@@ -137,6 +140,17 @@ def _policy(
         elo=_number(of_policy[-1], "elo") if of_policy else None,
         evaluation=evaluation,
     )
+
+
+def _game(lines: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    means: dict[str, float] = {}
+    for line in lines:
+        game = _object(line, "game")
+        for name in game:
+            mean = _number(_object(game, name), "mean")
+            if mean is not None:
+                means[printable(name)] = mean
+    return means
 
 
 def _state(reason: object) -> RunState:
