@@ -29,6 +29,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Collection
 
 from ludus.printing import printable
@@ -62,8 +63,15 @@ __all__ = [
 
 def did_you_mean(name: str, known: Collection[str], heading: str) -> str:
     """Return a hint about an unknown name: the known one most like it, or else all of them."""
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    close = [each for each in known if _with_initials(each) == name]
+    close = close or difflib.get_close_matches(name, known, n=1, cutoff=0.5)
     return f"did you mean {close[0]}?" if close else f"{heading}: {', '.join(known)}"
+
+
+def _with_initials(name: str) -> str:
+    """Return a name with the first letters of its words: ``ppo.lr`` for ``ppo.learning_rate``."""
+    group, dot, last = name.rpartition(".")
+    return group + dot + "".join(word[:1] for word in re.split("[-_]", last))
 
 
 class LudusError(Exception):

@@ -117,9 +117,20 @@ def test_unknown_scene_setting_names_the_policy() -> None:
 def test_a_policy_that_does_not_exist_is_a_wrong_flag() -> None:
     with pytest.raises(ConfigError, match="command line: there is no policy villain"):
         effective(["x", "--policies.villain.discount", "0.5"], policy("hero"))
-    with pytest.raises(SystemExit) as info:
-        effective(["x", "--policies.hero.discont", "0.5"], policy("hero"))
-    assert info.value.code == 2
+
+
+@pytest.mark.parametrize(
+    ("flag", "hint"),
+    [
+        ("--policies.hero.discont", "did you mean discount?"),
+        ("--ppo.lr", "did you mean learning-rate?"),
+        ("--sac.no_tau=3", "settings of --sac: algorithm, "),
+    ],
+)
+def test_an_unknown_flag_of_a_group_suggests_another(flag: str, hint: str) -> None:
+    with pytest.raises(ConfigError, match="there is no setting --") as info:
+        effective(["x", flag, "0.5"], policy("hero"))
+    assert info.value.hint.startswith(hint)
 
 
 @pytest.mark.parametrize(
@@ -131,7 +142,11 @@ def test_a_policy_that_does_not_exist_is_a_wrong_flag() -> None:
         ([TARGET, "--num-worlds", "0"], 2, "num_worlds must be at least 1"),
         ([TARGET, "--num-worlds", "many"], 2, "many"),
         ([TARGET, "--ppo.discount", "3"], 2, "discount must be from 0 to 1"),
-        ([TARGET, "--config", "nowhere.toml"], 2, "cannot read the settings in nowhere.toml"),
+        (
+            [TARGET, "--config", "nowhere.toml"],
+            2,
+            "cannot read the settings in nowhere.toml",
+        ),
         (["--resume", "nowhere"], 5, "nowhere is not a run"),
     ],
 )

@@ -7,13 +7,14 @@ import shlex
 import signal
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, make_dataclass, replace
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, make_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, Union, get_type_hints
 
 import tyro
 
 from ludus.cli.bridge_flags import BridgeFlags, take_bridge_flags
+from ludus.errors import ConfigError, did_you_mean
 from ludus.settings.merging import Layer, merge, resolve
 from ludus.settings.policy_config import ALGORITHM_CONFIGS
 from ludus.settings.train_config import Phase, PPOConfig, SACConfig, TrainConfig
@@ -109,10 +110,12 @@ def parse_settings(
     arguments, bridge = take_bridge_flags(arguments)
     flags = _flags(arguments)
     policies = {flag.split(".")[1]: _policy_flags() for flag in flags if _is_of_policy(flag)}
+    default = kind(policies=policies)
+    _check_groups(flags, default)
     command = tyro.cli(
         kind,
         args=["None" if argument == "none" else argument for argument in arguments],  # as in files
-        default=kind(policies=policies),
+        default=default,
         prog=program,
     )
     typed = _typed(command, flags) | ({"bridge": bridge} if bridge else {})
@@ -164,6 +167,24 @@ def _flags(arguments: Sequence[str]) -> list[str]:
 
 def _is_of_policy(flag: str) -> bool:
     return flag.count(".") == 2 and flag.startswith(f"{POLICIES}.")
+
+
+def _check_groups(flags: Sequence[str], command: TrainCommand) -> None:
+    """Refuse unknown settings of a group; tyro has no hint for short ones such as --ppo.lr."""
+    for flag in flags:
+        group, _, name = flag.rpartition(".")
+        holder: Any = command
+        for part in group.split("."):
+            of_policy = holder is command.policies
+            holder = command.policies.get(part) if of_policy else getattr(holder, part, None)
+        if not is_dataclass(holder):
+            continue
+        names = [each.name for each in fields(holder)]
+        if name not in names and name.removeprefix("no_") not in names:
+            known = [each.replace("_", "-") for each in names]
+            name = name.replace("_", "-")
+            hint = did_you_mean(name, known, f"settings of --{group}")
+            raise ConfigError(f"there is no setting --{group}.{name}", hint)
 
 
 def _typed(command: TrainCommand, flags: Sequence[str]) -> dict[str, Any]:
