@@ -145,8 +145,9 @@ def test_an_unknown_flag_of_a_group_suggests_another(flag: str, hint: str) -> No
         (
             [TARGET, "--config", "nowhere.toml"],
             2,
-            "cannot read the settings in nowhere.toml",
+            "settings in nowhere.toml: No such file",
         ),
+        ([TARGET, "--config", "nowhere.toml"], 2, "hint: a settings file is TOML"),
         (["--resume", "nowhere"], 5, "nowhere is not a run"),
     ],
 )

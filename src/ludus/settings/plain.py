@@ -47,6 +47,11 @@ ORIGINS, MARK = "origins", "made_by"
 """Where ``config.json`` has the origins of its settings, and the mark of who made it
 (:mod:`ludus.runs.trust`); older ones have none."""
 
+_TOML_HINT = (
+    "a settings file is TOML, with lines such as total_steps = 500000, texts in quotes, and a "
+    "heading such as [ppo] above the settings of a group (docs/training.md)"
+)
+
 
 def merge_settings(config: Struct, values: Mapping[str, Any], where: str) -> Struct:
     """Return ``config`` with ``values`` in place of its own.
@@ -137,17 +142,19 @@ def read_file(path: Path) -> dict[str, Any]:
     Raises:
         ConfigError: The file cannot be read or is malformed.
     """
+    kind, hint = ("JSON", "") if path.suffix == ".json" else ("TOML", _TOML_HINT)
     try:
         data = read_plain_file(path)
     except OSError as error:
-        raise ConfigError(f"cannot read the settings in {path}: {error}") from None
-    kind, values = "JSON" if path.suffix == ".json" else "TOML", cast(Any, None)
+        reason = error.strerror or str(error)
+        raise ConfigError(f"cannot read the settings in {path}: {reason}", hint) from None
+    values = cast(Any, None)
     try:
         values = parse_json(data) if kind == "JSON" else tomllib.loads(data.decode())
     except RecursionError:
         raise ConfigError(f"{path} is not valid {kind}: nested too deeply") from None
     except ValueError as error:
-        raise ConfigError(f"{path} is not valid {kind}: {error}") from None
+        raise ConfigError(f"{path} is not valid {kind}: {error}", hint) from None
     settings = dict(as_mapping(values, "the file", str(path)))
     for name in (ORIGINS, MARK):
         settings.pop(name, None)
