@@ -57,6 +57,11 @@ def test_names_are_printed_as_they_are(name: str) -> None:
     assert policy_text(name, {}, "train").startswith(name)
 
 
+def test_the_figures_of_a_policy_are_named() -> None:
+    metrics = {"mean_return": 2.5, "min_return": 1.0, "max_return": 9.0}
+    assert policy_text("hero", metrics, "train") == "hero: mean return 2.5 (lowest 1, highest 9)"
+
+
 @pytest.mark.curve
 def test_a_run_may_be_called_what_its_user_likes(small: Any) -> None:
     from rich.console import Console

@@ -229,7 +229,7 @@ def policy_text(name: str, metrics: Mapping[str, float], mode: Mode) -> str:
         return f"{heading}: no episode has ended yet"
     text = (
         f"{heading}: mean return {metrics['mean_return']:.4g} "
-        f"({metrics['min_return']:.4g} to {metrics['max_return']:.4g})"
+        f"(lowest {metrics['min_return']:.4g}, highest {metrics['max_return']:.4g})"
     )
     return text + (f", elo {metrics['elo']:.0f}" if "elo" in metrics else "")
 
