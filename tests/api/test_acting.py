@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import ludus
-from ludus.errors import CheckpointError, ConfigError, PolicyFileError, UsageError
+from ludus.errors import ArgumentError, CheckpointError, ConfigError, PolicyFileError, UsageError
 
 KINDS = ("run", ".ludus.json", ".onnx")
 
@@ -108,8 +108,17 @@ def test_entries_are_named_in_a_dictionary(tmp_path: Path) -> None:
         UsageError, match=r'"image" has shape \[3, 12, 12\], expected \[12, 12, 1\]'
     ):
         policy.act({**sample, "image": np.zeros((3, 12, 12), np.uint8)})
-    with pytest.raises(UsageError, match="observes a dictionary with image, number"):
+    with pytest.raises(ArgumentError, match="observes a dictionary with image, number"):
         policy.act(np.zeros(3))
+
+
+@pytest.mark.parametrize("observation", [{"a": 1}, "left", [[1.0], [2.0, 3.0]], [None, "x"]])
+def test_what_is_no_array_of_numbers_is_refused(tmp_path: Path, observation: object) -> None:
+    policy = ludus.load_policy(trained(tmp_path, "gym:Identity-continuous-v0").path)
+    kind = type(observation).__name__
+    expected = rf'"observation" is a {kind} that is not an array of numbers, expected .* \[\d\]'
+    with pytest.raises(ArgumentError, match=expected):
+        policy.act(observation)
 
 
 def test_what_is_no_policy_is_an_error(tmp_path: Path) -> None:

@@ -11,12 +11,12 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ludus.arguments import check_arguments
-from ludus.errors import ConfigError, UsageError
+from ludus.errors import ArgumentError, ConfigError, UsageError
 from ludus.libraries.seeds import check_seed
 from ludus.model import ModelRunner, read_model
 from ludus.model.frame_stack import FrameStack
 from ludus.networks.own_network import MakeNetwork
-from ludus.spec import PolicySpec
+from ludus.spec import ObservationEntry, PolicySpec
 from ludus.spec.batch import ActionBatch
 from ludus.spec.spaces import (
     FLAT_ENTRY,
@@ -90,6 +90,7 @@ class LoadedPolicy:
             An action of ``action_space``; for a batch ``n`` of them in arrays.
 
         Raises:
+            ArgumentError: An entry is not an array of numbers, or the observation is no dictionary.
             UsageError: An entry is missing or has another shape, or a policy with a memory gets a
                 batch of another size than before.
         """
@@ -139,14 +140,14 @@ class LoadedPolicy:
         given = {FLAT_ENTRY: observation} if is_flat(self.spec) else observation
         if not isinstance(given, Mapping):
             names = ", ".join(entry.name for entry in self.spec.observation)
-            raise UsageError(f"policy {self.name} observes a dictionary with {names}")
+            raise ArgumentError(f"policy {self.name} observes a dictionary with {names}")
         named = cast(Mapping[str, Any], given)
         entries: dict[str, NDArray[Any]] = {}
         is_single = False
         for entry in self.spec.observation:
             if entry.name not in named:
                 raise UsageError(f'policy {self.name}: the observation lacks "{entry.name}"')
-            array = np.asarray(named[entry.name], entry.numpy_dtype)
+            array = self._array(entry, named[entry.name])
             is_single = array.shape == entry.shape
             array = array[None] if is_single else array
             if array.shape[1:] != entry.shape or not len(array):
@@ -156,6 +157,16 @@ class LoadedPolicy:
                 )
             entries[entry.name] = array
         return entries, is_single
+
+    def _array(self, entry: ObservationEntry, value: Any) -> NDArray[Any]:
+        try:
+            return np.asarray(value, entry.numpy_dtype)
+        except (TypeError, ValueError):
+            raise ArgumentError(
+                f'policy {self.name}: "{entry.name}" is a {type(value).__name__} that is not an '
+                f"array of numbers, expected one of shape {list(entry.shape)}, or a batch of those",
+                "policy.observation_space.sample() shows the form",
+            ) from None
 
 
 @check_arguments
