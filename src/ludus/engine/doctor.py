@@ -137,7 +137,11 @@ def _screen() -> Finding:
         return _warn("screen", "no display and no Xvfb", hint)
     records = [record for _, record in cached_engines(EngineKind.GODOT4)]
     if records and not any(record.has_rendering for record in records):
-        return _warn("screen", f"{xvfb}, but the engine in the cache has no renderer", install)
+        detail = (
+            f"virtual, by {xvfb}; the Godot in the cache was installed without what it draws with, "
+            "so windows, cameras and films work only if this machine has that"
+        )
+        return _warn("screen", detail, f"training without pictures needs none of it; {install}")
     return _ok("screen", f"virtual, by {xvfb}")
 
 
