@@ -109,6 +109,7 @@ def test_script_templates_are_installed_and_keep_what_is_there(
     assert main(["addon", "install", str(tmp_path)]) == 0
     told = capsys.readouterr().out
     assert "new: script_templates/Node2D/ludus_sensor_2d.gd" in told
+    assert "new: script_templates/.gdignore (keeps Godot from importing the templates)" in told
     assert own.read_text() == "# mine\n"
     assert (tmp_path / "script_templates" / ".gdignore").exists()
     assert main(["addon", "install", str(tmp_path)]) == 0

@@ -91,7 +91,10 @@ def _install(command: Install) -> int:
     else:
         _print_change("ludus add-on", install_addon(command.project, force=command.force))
     for path in add_script_templates(find_project(command.project)):
-        sys.stdout.write(f"  new: {path} (a template for your scripts)\n")
+        what = "a template for your scripts"
+        if path.endswith(".gdignore"):
+            what = "keeps Godot from importing the templates"
+        sys.stdout.write(f"  new: {path} ({what})\n")
     remember_installer()
     return 0
 
