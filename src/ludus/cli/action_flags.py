@@ -16,9 +16,9 @@ class ActionFlags:
     """How trained agents choose their actions.
 
     Attributes:
-        stochastic: Draw actions as in training, which of all commands only ludus league does by
-            itself.
-        deterministic: Take the most probable actions, as all other commands do by themselves.
+        stochastic: Draw each action from the policy's probabilities, as in training, instead of
+            always taking the most probable one.
+        deterministic: Always take the most probable action, as agents do without either flag.
     """
 
     stochastic: bool = False

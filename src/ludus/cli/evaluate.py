@@ -30,7 +30,8 @@ class EvaluateCommand(ActionFlags, GameFlags):
             its own --policy; if not given, the agents of the run.
         episodes: Episodes of each policy.
         random: Take random actions.
-        stochastic: Sample actions as in training; with names, only these policies do.
+        stochastic: Draw each action from the policy's probabilities, as in training, instead of
+            always taking the most probable one. With names, only these policies draw.
         goal_return: Also report the share of episodes whose return reaches this.
         seed: Seed of worlds and samples.
         num_engines: Game processes side by side.
@@ -41,9 +42,10 @@ class EvaluateCommand(ActionFlags, GameFlags):
     policy: tyro.conf.UseAppendAction[tuple[Path, ...]] = ()
     episodes: int = 20
     random: bool = False
-    stochastic: tuple[str, ...] | None = field(  # pyright: ignore[reportIncompatibleVariableOverride]
-        default=None, kw_only=True
-    )
+    stochastic: Annotated[  # pyright: ignore[reportIncompatibleVariableOverride]
+        tuple[str, ...] | None,
+        tyro.conf.arg(metavar="[NAME ...]", help_behavior_hint="(default: no policy)"),
+    ] = field(default=None, kw_only=True)
     goal_return: float | None = None
     seed: int = 0
     num_engines: int = 1

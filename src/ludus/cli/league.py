@@ -43,6 +43,9 @@ class LeagueCommand(ActionFlags, GameFlags):
         max_players: Most players of each policy; of more, evenly spaced ones are chosen.
         recorded: Play nothing; print the ratings from training.
         seed: Seed of worlds and actions.
+        stochastic: Draw each action from the policy's probabilities, as in training and as agents
+            do here without either flag.
+        deterministic: Always take the most probable action instead.
         json: Print one JSON object on stdout.
     """
 
