@@ -303,7 +303,7 @@ def test_run_folders_get_the_name_asked_for_or_one_of_target_and_time(
     assert first.path != second.path
     assert first.path.name.startswith("Identity-discrete-v0-2")
     RunFolder.create(small(name="mine"))
-    with pytest.raises(RunError, match="mine exists already"):
+    with pytest.raises(RunError, match=r"mine exists already\nhint: .*--resume .*--name NAME"):
         RunFolder.create(small(name="mine"))
     with pytest.raises(CheckpointError, match="is not a run"):
         RunFolder.find(tmp_path)

@@ -75,7 +75,8 @@ class RunFolder:
                     if config.name:
                         raise RunError(
                             f"the run {path} exists already",
-                            f"to continue it: ludus train --resume {path}",
+                            f"to continue it: ludus train --resume {path}; to train another run, "
+                            "give it another name: --name NAME",
                         ) from None
                 attempt += 1
                 path = config.runs / f"{stem}-{attempt}"
