@@ -73,3 +73,14 @@ def test_a_run_may_be_called_what_its_user_likes(small: Any) -> None:
     reporter.finished(result)
     assert str(result.path) in text.getvalue()
     assert (result.path / "learning_curve.png").is_file()
+
+
+def test_nothing_is_shown_of_a_run_that_had_ended_before(small: Any) -> None:
+    from rich.console import Console
+
+    config = small(evaluation_episodes=2)
+    text = io.StringIO()
+    reporter = TerminalReporter(Console(file=text, width=200))
+    result = train(config, resume=train(config).path, reporter=reporter)
+    reporter.finished(result)
+    assert text.getvalue() == ""

@@ -174,13 +174,12 @@ def test_resume_at_a_limit_names_it_and_evaluates_nothing(
     written = (first.path / "result.json").read_bytes()
     second = train(small(evaluation_episodes=2), resume=first.path)
     assert (second.stop_reason, second.evaluation) == ("total_steps", {})
-    assert "total_steps of 640: there is nothing left to train; raise it with --total-steps" in (
-        caplog.text
-    )
+    assert f"{first.path} is finished: it has reached its total_steps of 640; " in caplog.text
+    assert f"ludus train --resume {first.path} --total-steps" in caplog.text
     assert (first.path / "result.json").read_bytes() == written
     train(small(evaluation_episodes=2, target_return=-1e9, return_window=1, total_steps=1280),
           resume=first.path)  # fmt: skip
-    assert "target_return of -1e+09: there is nothing left to train; raise it" in caplog.text
+    assert "reached its target_return of -1e+09; to train it further, raise that" in caplog.text
 
 
 def test_divergence_saves_the_state_and_keeps_good_checkpoints(small: Any) -> None:

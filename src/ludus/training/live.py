@@ -55,6 +55,7 @@ class TerminalReporter:
         self._shown_at_s = 0.0
         self._curves: dict[str, Curve] = {}
         self._max_time_s: float | None = None
+        self._has_started = False
 
     def cloning(self, cloning: Cloning) -> None:
         """Show how far it is, a few times per second at most, and what came of it."""
@@ -69,6 +70,7 @@ class TerminalReporter:
     def started(self, config: TrainConfig, run: Path) -> None:
         """Say what is trained, and where it goes."""
         self._max_time_s = config.max_time_s
+        self._has_started = True
         line = Text.assemble("training ", (config.target, "bold"), f" into {run}")
         self._console.print(line, highlight=False)
         self._start_view()
@@ -86,8 +88,10 @@ class TerminalReporter:
         self._console.print(f"evaluating over {episodes} episodes", highlight=False)
 
     def finished(self, result: RunResult) -> None:
-        """Show how the run ended."""
+        """Show how the run ended; nothing if it had ended before it was resumed."""
         self.stop()
+        if not self._has_started:
+            return
         if result.signum is None:
             self._console.print(summary_table(result))
         self._console.print(Text(f"run folder: {result.path}"), highlight=False, soft_wrap=True)
@@ -157,6 +161,7 @@ class NotebookReporter(TerminalReporter):
     def started(self, config: TrainConfig, run: Path) -> None:
         """Say what is trained, and where it goes."""
         self._max_time_s = config.max_time_s
+        self._has_started = True
         self._started = f"training {config.target} into {run}\n"
         self._show(Text(end=""))
 
@@ -165,8 +170,9 @@ class NotebookReporter(TerminalReporter):
         self._show(Text(f"evaluating over {episodes} episodes"))
 
     def finished(self, result: RunResult) -> None:
-        """Show how the run ended."""
-        self._show(summary_table(result))
+        """Show how the run ended; nothing if it had ended before it was resumed."""
+        if self._has_started:
+            self._show(summary_table(result))
 
     def _show(self, picture: RenderableType, line: Text | None = None) -> None:
         with self._console.capture() as text:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import re
+import shlex
 import sys
 from collections import Counter
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -220,9 +221,12 @@ def _resume(
 def _name_limit(reason: StopReason, config: TrainConfig, folder: RunFolder) -> None:
     """Say why a run that was to go on has nothing left to do."""
     setting = "max_time_s" if reason == "max_time" else reason
+    limit: float = getattr(config, setting)
     log.warning(
-        "%s has reached its %s of %g: there is nothing left to train; raise it with --%s",
-        folder.path, setting, getattr(config, setting), setting.replace("_", "-"),
+        "%s is finished: it has reached its %s of %s; to train it further, raise that: "
+        "ludus train --resume %s --%s …",
+        folder.path, setting, f"{limit:,}" if isinstance(limit, int) else f"{limit:g}",
+        shlex.quote(str(folder.path)), setting.replace("_", "-"),
     )  # fmt: skip
 
 
