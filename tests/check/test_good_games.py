@@ -76,3 +76,10 @@ def test_settling_worlds_keep_their_timing(checked: Checked) -> None:
 def test_masks_are_honoured_everywhere(checked: Checked) -> None:
     findings = checked("masked", check_actions) + checked("masked", check_vector_env)
     assert [f for f in findings if f.status is not Status.OK] == []
+
+
+def test_a_limit_that_no_episode_reaches_is_not_checked(checked: Checked) -> None:
+    (limit,) = (f for f in checked("good", check_timing, 20) if "truncated after 40" in f.title)
+    assert (limit.status, limit.detail) == (
+        Status.INFO, "not checked: no episode lasted that long",
+    )  # fmt: skip
