@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from gymnasium import spaces
+from numpy.typing import NDArray
 
 from ludus.errors import UsageError
 
@@ -32,6 +33,8 @@ class Declaration:
         is_restarting: Whether the game begins the next episode of an agent by itself, in the step
             that ends one. If not, episodes begin together: an agent that ends early waits until
             all have ended.
+        read: Makes arrays by entry, ``[n, *shape]``, of what the game says that n of the agents
+            observe, or raises ``GameError``; None: it says elements of the observation space.
     """
 
     name: str
@@ -42,6 +45,7 @@ class Declaration:
     policy: str = POLICY
     rows: tuple[int, ...] | None = None
     is_restarting: bool = False
+    read: Callable[[Sequence[Any]], Mapping[str, NDArray[Any]]] | None = None
 
 
 class Outcome(NamedTuple):
@@ -50,7 +54,7 @@ class Outcome(NamedTuple):
     What it says of agents whose episode had ended before is ignored.
 
     Attributes:
-        observations: Elements of the observation space.
+        observations: Elements of the observation space, or what ``Declaration.read`` takes.
         rewards: Numbers.
         terminated: Whether the agent's episode has ended by itself.
         truncated: Whether it was broken off.

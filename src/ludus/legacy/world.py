@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from ludus.errors import ActionError, ConfigError, GameError, ProtocolError
 from ludus.legacy.game import Declaration, Outcome
 from ludus.spec import AgentSpec, PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batch
-from ludus.spec.batch_rows import action_reader, clear_outcome, write_finals, write_states
+from ludus.spec.batch_rows import actions_reader, clear_outcome, stacked, write_finals
 from ludus.spec.gymnasium_spec import read_action, read_observation
 
 __all__ = ["LegacyWorld", "num_agents_of", "read_declarations"]
@@ -36,7 +37,8 @@ class LegacyWorld:
         self._max_episode_steps = policy.max_episode_steps
         self._discrete_shape = (policy.num_agents, policy.num_discrete)
         self._continuous_shape = (policy.num_agents, policy.continuous_size)
-        self._to_action = action_reader(declaration.action_space)
+        self._to_actions = actions_reader(declaration.action_space)
+        self._read = declaration.read or partial(stacked, self.batch)
         self._is_active = [False] * policy.num_agents
         self._num_steps = [0] * policy.num_agents
 
@@ -68,10 +70,9 @@ class LegacyWorld:
             raise ActionError(f"no actions for policy {self._name}")
         self._check_shape("discrete", own.discrete.shape, self._discrete_shape)
         self._check_shape("continuous", own.continuous.shape, self._continuous_shape)
-        for row, place in enumerate(self._rows):
-            into[place] = None
-            if self._is_active[row]:
-                into[place] = self._to_action(own.discrete[row], own.continuous[row])
+        elements = self._to_actions(own.discrete, own.continuous)
+        for place, is_active, element in zip(self._rows, self._is_active, elements, strict=True):
+            into[place] = element if is_active else None
 
     def take(self, outcome: Outcome) -> bool:
         """Write down what a step led to.
@@ -124,7 +125,7 @@ class LegacyWorld:
     def _write_finals(self, finals: list[tuple[int, Any]]) -> None:
         rows = [row for row, _ in finals]
         try:
-            write_finals(self.batch, finals)
+            write_finals(self.batch, rows, self._read([final for _, final in finals]))
         except _MISFITS as error:
             raise _does_not_fit(rows, error) from error
         waiting = [row for row in rows if not self._is_active[row]]
@@ -146,15 +147,20 @@ class LegacyWorld:
 
     def _write(self, rows: Sequence[int], observations: Sequence[Any]) -> None:
         """Write what the agents of some rows observe, of the observations of all agents."""
+        if not rows:
+            return
         own = [observations[self._rows[row]] for row in rows]
         try:
-            write_states(self.batch, rows, own)
+            entries = self._read(own)
         except _MISFITS:  # once more one by one, to name the first that does not fit
             for row, observation in zip(rows, own, strict=True):
                 try:
-                    write_states(self.batch, [row], [observation])
+                    self._read([observation])
                 except _MISFITS as error:
                     raise _does_not_fit([row], error) from error
+            raise
+        for name, values in entries.items():
+            self.batch.observation[name][rows] = values
 
 
 def num_agents_of(declarations: Sequence[Declaration]) -> int:

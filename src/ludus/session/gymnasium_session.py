@@ -17,7 +17,13 @@ from ludus.errors import GameError, SequenceError, TargetError
 from ludus.folder_imports import look_in_current_folder
 from ludus.spec import AgentSpec, PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batch, Batches, StepTimes
-from ludus.spec.batch_rows import action_reader, clear_outcome, write_finals, write_state
+from ludus.spec.batch_rows import (
+    actions_reader,
+    clear_outcome,
+    stacked,
+    write_finals,
+    write_state,
+)
 from ludus.spec.finite import check_finite
 from ludus.spec.gymnasium_spec import read_action, read_observation
 from ludus.wire.requests import MetricSummary
@@ -79,7 +85,7 @@ class GymnasiumSession:
         self._spec = _read_spec(envs, name)
         (policy,) = self._spec.policies
         self._policies = {POLICY: policy}
-        self._to_action = action_reader(envs[0].action_space)
+        self._to_actions = actions_reader(envs[0].action_space)
         self._batch = Batch.allocate(policy, len(envs))
         self._has_reset = False
         self._pending: ActionBatch | None = None
@@ -143,21 +149,20 @@ class GymnasiumSession:
             raise SequenceError("nothing to receive", hint="call send() first")
         batch = self._batch
         clear_outcome(batch)
-        finals: list[tuple[int, Any]] = []
+        finals: dict[int, Any] = {}
+        own = self._to_actions(actions.discrete, actions.continuous)
         for row, env in enumerate(self._envs):
             if held is not None and held[row]:
                 continue
-            observation, reward, terminated, truncated, info = env.step(
-                self._to_action(actions.discrete[row], actions.continuous[row])
-            )
+            observation, reward, terminated, truncated, info = env.step(own[row])
             batch.reward[row] = float(reward)
             if terminated or truncated:
                 batch.terminated[row], batch.truncated[row] = terminated, truncated
-                finals.append((row, observation))
+                finals[row] = observation
                 observation, info = env.reset()
             self._write(row, observation, info)
         if finals:
-            write_finals(batch, finals)
+            write_finals(batch, list(finals), stacked(batch, list(finals.values())))
         self._num_steps += 1
         return self._checked()
 

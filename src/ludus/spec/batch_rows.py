@@ -1,8 +1,8 @@
-"""One agent's row of a batch: read its action as Gymnasium has it, write its observation."""
+"""Rows of a batch: read actions as Gymnasium has them, write observations."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -13,76 +13,87 @@ from ludus.spec import ContinuousAction
 from ludus.spec.batch import Batch
 from ludus.spec.gymnasium_spec import read_action
 
-__all__ = ["action_reader", "clear_outcome", "write_finals", "write_state", "write_states"]
+__all__ = ["actions_reader", "clear_outcome", "stacked", "write_finals", "write_state"]
 
 
-ReadAction = Callable[[NDArray[np.int64], NDArray[np.float32]], Any]
-"""Makes an action of an agent's discrete and continuous row."""
+ReadActions = Callable[[NDArray[np.int64], NDArray[np.float32]], Sequence[Any]]
+"""Makes the actions of some agents of their discrete and continuous rows."""
 
 
-def action_reader(space: spaces.Space[Any]) -> ReadAction:
-    """Return a function that makes an action of ``space`` of an agent's two rows."""
+def actions_reader(space: spaces.Space[Any]) -> ReadActions:
+    """Return a function that makes actions of ``space``, one for each pair of rows."""
     if isinstance(space, spaces.Discrete):
         start = int(space.start)
-        return lambda discrete, _: int(discrete[0]) + start
+        return lambda discrete, _: (discrete[:, 0] + start).tolist()
     if isinstance(space, spaces.MultiDiscrete):
         first = cast(NDArray[np.int64], cast(Any, space).start)
-        return lambda discrete, _: discrete + first
+        return lambda discrete, _: list(discrete + first)
     if isinstance(space, spaces.MultiBinary):
-        return lambda discrete, _: discrete.astype(np.int8)
+        return lambda discrete, _: list(discrete.astype(np.int8))
     if isinstance(space, spaces.Dict):
         return _dict_reader(cast(Mapping[str, spaces.Space[Any]], cast(Any, space).spaces))
     shape, dtype = cast(tuple[int, ...], space.shape), space.dtype
-    return lambda _, continuous: continuous.reshape(shape).astype(dtype)
+    return lambda _, continuous: list(continuous.reshape(-1, *shape).astype(dtype))
 
 
-def _dict_reader(parts: Mapping[str, spaces.Space[Any]]) -> ReadAction:
-    readers: list[tuple[str, ReadAction, slice, slice]] = []
+def _dict_reader(parts: Mapping[str, spaces.Space[Any]]) -> ReadActions:
+    readers: list[tuple[ReadActions, slice, slice]] = []
     num_discrete = num_continuous = 0
-    for name, space in parts.items():
+    for space in parts.values():
         components = read_action(space)
         sizes = [part.size for part in components if isinstance(part, ContinuousAction)]
         discrete = slice(num_discrete, num_discrete + len(components) - len(sizes))
         continuous = slice(num_continuous, num_continuous + sum(sizes))
         num_discrete, num_continuous = discrete.stop, continuous.stop
-        readers.append((name, action_reader(space), discrete, continuous))
-    return lambda discrete, continuous: {
-        name: reader(discrete[choices], continuous[numbers])
-        for name, reader, choices, numbers in readers
-    }
+        readers.append((actions_reader(space), discrete, continuous))
+
+    def read(discrete: NDArray[np.int64], continuous: NDArray[np.float32]) -> list[Any]:
+        columns = [
+            reader(discrete[:, choices], continuous[:, numbers])
+            for reader, choices, numbers in readers
+        ]
+        return [dict(zip(parts, values, strict=True)) for values in zip(*columns, strict=True)]
+
+    return read
 
 
 def write_state(
     batch: Batch, row: int, observation: Any, info: Mapping[str, Any] | None = None
 ) -> None:
     """Write one agent's observation, and the mask in its info, into ``batch``."""
-    write_states(batch, [row], [observation])
+    for name, values in stacked(batch, [observation]).items():
+        batch.observation[name][row] = values[0]
     if batch.action_mask is not None and info is not None:
         batch.action_mask[row] = np.asarray(info["action_mask"], np.bool_)
 
 
-def write_states(batch: Batch, rows: Sequence[int], observations: Sequence[Any]) -> None:
-    """Write what some agents observe, all at once."""
-    for name, values in _stacked(batch, observations):
-        batch.observation[name][rows] = values
-
-
-def write_finals(batch: Batch, finals: list[tuple[int, Any]]) -> None:
-    """Write the last observations of the episodes that ended, by row."""
-    batch.final_index = np.asarray([row for row, _ in finals], np.int64)
-    for name, values in _stacked(batch, [observation for _, observation in finals]):
+def write_finals(
+    batch: Batch, rows: Sequence[int], observations: Mapping[str, NDArray[Any]]
+) -> None:
+    """Write the last observations of the episodes that ended: by entry, ``[len(rows), *shape]``."""
+    batch.final_index = np.asarray(rows, np.int64)
+    for name, values in observations.items():
         batch.final_observation[name] = values.astype(batch.observation[name].dtype, copy=False)
 
 
-def _stacked(batch: Batch, observations: Sequence[Any]) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield each entry and its values, ``[n, *shape]``, of observations with the same entries."""
+def stacked(batch: Batch, observations: Sequence[Any]) -> dict[str, NDArray[Any]]:
+    """Return the values of each entry, ``[n, *shape]``, of n observations.
+
+    Raises:
+        ValueError: They have other shapes than the batch. TypeError, KeyError, AttributeError: They
+            are of another kind, or have other entries.
+    """
     names = batch.observation.keys()
     is_named = len(observations) > 0 and isinstance(observations[0], Mapping)
     if is_named and any(seen.keys() != names for seen in observations):
         raise KeyError(f"other entries than {list(names)}")
-    for name, array in batch.observation.items():
-        values = [seen[name] for seen in observations] if is_named else observations
-        yield name, np.reshape(values, (len(observations), *array.shape[1:]))
+    return {
+        name: np.reshape(
+            cast(Any, [seen[name] for seen in observations] if is_named else observations),
+            (len(observations), *array.shape[1:]),
+        )
+        for name, array in batch.observation.items()
+    }
 
 
 def clear_outcome(batch: Batch) -> None:
@@ -91,4 +102,4 @@ def clear_outcome(batch: Batch) -> None:
     batch.terminated[:] = False
     batch.truncated[:] = False
     if len(batch.final_index):
-        write_finals(batch, [])
+        write_finals(batch, [], {name: all_[:0] for name, all_ in batch.observation.items()})

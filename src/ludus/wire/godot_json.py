@@ -14,6 +14,7 @@ from typing import Any
 __all__ = ["parse_godot_json"]
 
 _TEXT_OR_NUMBER = re.compile(r'"(?:[^"\\]|\\.)*"|-?\b(?:nan|inf)\b', re.DOTALL)
+_decode = json.JSONDecoder(strict=False).decode
 _NUMBERS = {"nan": "NaN", "-nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}
 
 
@@ -30,6 +31,6 @@ def parse_godot_json(data: bytes) -> Any:
 
 def _parse(text: str) -> Any:
     try:
-        return json.loads(text, strict=False)
+        return _decode(text)
     except RecursionError as error:
         raise ValueError("nested too deeply") from error

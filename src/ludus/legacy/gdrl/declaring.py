@@ -108,26 +108,20 @@ class PolicyAgents:
         """What one agent observes."""
         return spaces.Dict([(entry.name, entry.space) for entry in self.entries])
 
-    def read(self, observations: Sequence[Mapping[str, Any]]) -> list[dict[str, NDArray[Any]]]:
-        """Return what each agent of the policy observes.
-
-        Args:
-            observations: Of all agents of the game.
+    def read(self, observations: Sequence[Mapping[str, Any]]) -> dict[str, NDArray[Any]]:
+        """Return what some agents of the policy observe: by entry, ``dtype[n, *shape]``.
 
         Raises:
             GameError: Something is missing, or does not fit its space.
         """
-        named = {entry.name: self._read_entry(entry, observations) for entry in self.entries}
-        return [
-            {name: values[index] for name, values in named.items()}
-            for index in range(len(self.rows))
-        ]
-
-    def _read_entry(self, entry: Entry, observations: Sequence[Mapping[str, Any]]) -> NDArray[Any]:
-        try:
-            return entry.read([observations[row][entry.name] for row in self.rows])
-        except KeyError as error:
-            raise GameError(f"an observation has no entry {entry.name!r}", _HINT) from error
+        found: dict[str, NDArray[Any]] = {}
+        for entry in self.entries:
+            try:
+                values = [observation[entry.name] for observation in observations]
+            except KeyError as error:
+                raise GameError(f"an observation has no entry {entry.name!r}", _HINT) from error
+            found[entry.name] = entry.read(values)
+        return found
 
 
 @lru_cache

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from ludus.errors import GameError
 from ludus.legacy.conversation import Conversation
 from ludus.legacy.game import Declaration, LegacyGame, Outcome, check_reset_parameters
 from ludus.legacy.gdrl.declaring import PolicyAgents
@@ -60,17 +59,18 @@ class GdrlGame(LegacyGame):
                     policy=policy.name,
                     rows=policy.rows,
                     is_restarting=True,
+                    read=policy.read,
                 )
                 for policy in policies
             )
         )
         self.methods = {"call": self.call}
-        self._policies = policies
         self._num_agents = sum(len(policy.rows) for policy in policies)
         self._conversation = conversation
         self.pid = conversation.pid
         self._time_limits = time_limits
-        self._idle = [_idle_action(self._action_space(row)) for row in range(self._num_agents)]
+        idle = {row: _idle_action(policy.actions) for policy in policies for row in policy.rows}
+        self._idle = [idle[row] for row in range(self._num_agents)]
 
     def reset(self, seed: int | None, parameters: Mapping[str, Any] | None) -> Sequence[Any]:
         """Begin an episode of all agents; see :meth:`LegacyGame.reset`.
@@ -93,7 +93,7 @@ class GdrlGame(LegacyGame):
         if len(fresh) == self._num_agents and all(isinstance(part, dict) for part in fresh):
             found = fresh
         self._time_limits.restart()
-        return self._observe(found)
+        return found
 
     def send(self, actions: Sequence[Any]) -> None:
         """Begin a step; see :meth:`LegacyGame.send`."""
@@ -110,8 +110,7 @@ class GdrlGame(LegacyGame):
         """Wait for the end of the step; see :meth:`LegacyGame.receive`."""
         answer = self._conversation.receive(lambda message: read_step(message, self._num_agents))
         terminated, truncated, active = self._time_limits.take(answer.is_done)
-        observations = self._observe(answer.observations)
-        return Outcome(observations, answer.rewards, terminated, truncated, active)
+        return Outcome(answer.observations, answer.rewards, terminated, truncated, active)
 
     def call(self, method: str) -> list[Any]:
         """Call a method without arguments of every AIController; return what each returned.
@@ -127,20 +126,6 @@ class GdrlGame(LegacyGame):
         if self._conversation.is_open:
             self._conversation.say_goodbye(CLOSE_REQUEST, _QUIT_S)
         self._conversation.close()
-
-    def _observe(self, observations: Sequence[Mapping[str, Any]]) -> list[Any]:
-        found: list[Any] = [None] * self._num_agents
-        try:
-            for policy in self._policies:
-                for row, observation in zip(policy.rows, policy.read(observations), strict=True):
-                    found[row] = observation
-        except GameError:
-            self.close()
-            raise
-        return found
-
-    def _action_space(self, row: int) -> spaces.Dict:
-        return next(policy.actions for policy in self._policies if row in policy.rows)
 
 
 def _to_json(action: Mapping[str, Any]) -> dict[str, Any]:

@@ -51,6 +51,7 @@ CLOSE_REQUEST = b'{"type": "close"}'
 _OLD_POLICY = "shared_policy"
 """Policy of every agent, if a plug-in is too old to name policies."""
 _MAX_AGENTS = 1 << 16
+_encode = json.JSONEncoder(allow_nan=False).encode
 _MAX_NAME = 64
 _HINT = (
     "is what connected a game of Godot RL Agents? Plug-ins from 0.3 on are understood; games with "
@@ -98,7 +99,7 @@ def action_request(actions: Sequence[Mapping[str, Any]]) -> bytes:
         ActionError: A number is not finite.
     """
     try:
-        return json.dumps({"type": "action", "action": actions}, allow_nan=False).encode()
+        return _encode({"type": "action", "action": actions}).encode()
     except ValueError as error:
         raise ActionError(f"the action is not finite: {short(actions)}") from error
 
@@ -152,13 +153,15 @@ def read_step(message: bytes, num_agents: int) -> StepAnswer:
     """
     answer = _read_answer(message, "step")
     rewards = _list_of(answer, "reward", num_agents)
+    if set(map(type, rewards)) != {float} or not all(map(math.isfinite, rewards)):
+        rewards = [_reward(answer, index, value) for index, value in enumerate(rewards)]
     is_done = _list_of(answer, "done", num_agents)
     for index, value in enumerate(is_done):
         if not isinstance(value, bool):
             raise answer.unexpected(f"done[{index}]", "true or false", value)
     return StepAnswer(
         _observations(answer, "obs", num_agents),
-        [_reward(answer, index, value) for index, value in enumerate(rewards)],
+        rewards,
         is_done,
     )
 
