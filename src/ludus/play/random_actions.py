@@ -33,7 +33,7 @@ class RandomActions:
             [np.random.default_rng([seed % (1 << 64), index]) for seed in world_seeds]
             for index in range(len(spec.policies))
         ]
-        self._drawn: list[NDArray[np.float64]] = []
+        self._drawn: list[tuple[NDArray[np.float64], ActionBatch]] = []
         self._step = 0
 
     def act(self, batches: Mapping[str, Batch]) -> dict[str, ActionBatch]:
@@ -41,40 +41,40 @@ class RandomActions:
         step = self._step % STEPS_AT_ONCE
         if step == 0:
             self._drawn = [
-                np.concatenate([_draw(policy, stream) for stream in streams], axis=1)
+                _draw(policy, streams)
                 for policy, streams in zip(self._policies, self._streams, strict=True)
             ]
         self._step += 1
-        return {
-            policy.name: _to_actions(policy, drawn[step], batches[policy.name].action_mask)
-            for policy, drawn in zip(self._policies, self._drawn, strict=True)
-        }
+        actions: dict[str, ActionBatch] = {}
+        for policy, (draws, free) in zip(self._policies, self._drawn, strict=True):
+            discrete, mask = free.discrete[step], batches[policy.name].action_mask
+            if mask is not None:
+                discrete = _allowed_choices(policy, draws[step], mask)
+            actions[policy.name] = ActionBatch(discrete, free.continuous[step])
+        return actions
 
 
-def _draw(policy: PolicySpec, stream: np.random.Generator) -> NDArray[np.float64]:
-    """Return numbers in [0, 1): ``float64[STEPS_AT_ONCE, agents_per_world, components]``."""
-    size = policy.num_discrete + policy.continuous_size
-    return stream.random((STEPS_AT_ONCE, policy.agents_per_world, size))
+def _draw(
+    policy: PolicySpec, streams: Sequence[np.random.Generator]
+) -> tuple[NDArray[np.float64], ActionBatch]:
+    """Return numbers in [0, 1) for the choices, and the actions without a mask.
 
-
-def _to_actions(
-    policy: PolicySpec, draws: NDArray[np.float64], mask: NDArray[np.bool_] | None
-) -> ActionBatch:
+    Both are of all agents in ``STEPS_AT_ONCE`` steps: ``[steps, agents, components]``.
+    """
     count = policy.num_discrete
+    shape = (STEPS_AT_ONCE, policy.agents_per_world, count + policy.continuous_size)
+    draws = np.concatenate([stream.random(shape) for stream in streams], axis=1)
     low, high = policy.continuous_bounds()
-    continuous = low + (high - low) * draws[:, count:]
-    if mask is None:
-        discrete = np.floor(draws[:, :count] * np.asarray(policy.nvec))
-    else:
-        discrete = _allowed_choices(policy, draws[:, :count], mask)
-    return ActionBatch(discrete.astype(np.int64), np.clip(continuous.astype(np.float32), low, high))
+    continuous = (low + (high - low) * draws[..., count:]).astype(np.float32)
+    discrete = np.floor(draws[..., :count] * np.asarray(policy.nvec)).astype(np.int64)
+    return draws[..., :count], ActionBatch(discrete, np.clip(continuous, low, high))
 
 
 def _allowed_choices(
     policy: PolicySpec, draws: NDArray[np.float64], mask: NDArray[np.bool_]
-) -> NDArray[np.float64]:
+) -> NDArray[np.int64]:
     """Choose uniformly among what the mask allows; 0 where it allows nothing."""
-    choices = np.zeros_like(draws)
+    choices = np.zeros(draws.shape, np.int64)
     start = 0
     for part, n in enumerate(policy.nvec):
         allowed = mask[:, start : start + n]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import logging
 import secrets
 from collections.abc import Callable, Mapping, Sequence
@@ -491,7 +492,7 @@ def _open_all(open_engine: Callable[[int], Session], num_engines: int) -> list[S
 def join_batches(parts: list[Batch], policy: PolicySpec) -> Batch:
     """Return one batch over all engines, or over those of all machines; copies."""
     masks = [part.action_mask for part in parts if part.action_mask is not None]
-    starts = np.cumsum([0, *(part.num_agents for part in parts)])
+    starts = itertools.accumulate((part.num_agents for part in parts), initial=0)
     return Batch(
         observation={
             e.name: _stacked([part.observation[e.name] for part in parts])
