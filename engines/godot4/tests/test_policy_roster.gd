@@ -112,6 +112,19 @@ func test_a_policy_that_does_not_fit() -> void:
 	equal(agent.applied.size() + agent.num_resets, 0, "it is left alone")
 
 
+func test_sensors_must_fit() -> void:
+	var agent := _agents(_golden("perceptron_tanh"), 1)[0]
+	agent.observation = []
+	equal(agent.policy.incompatibility(agent), "", "the game returns entries of its own")
+	var rays := LudusRays2D.new()
+	rays.name = "observation"
+	agent.add_child(rays)
+	check(
+		"trained on float32 [5], the agent has float32" in agent.policy.incompatibility(agent),
+		agent.policy.incompatibility(agent)
+	)
+
+
 func test_bounds_and_masks_must_fit() -> void:
 	var squashed := _agents(_golden("squashed"), 1)[0]
 	equal(squashed.policy.incompatibility(squashed), "", "right bounds")

@@ -80,18 +80,18 @@ func network() -> LudusPolicyNetwork:
 	return _network
 
 
-## Says why an agent with these declarations cannot use the policy; an empty text if it can. An
-## agent that declares no entries is not asked about them.
+## Says why an agent with these declarations and sensors cannot use the policy; an empty text if it
+## can. Where it declares no entries, the game may return more of them than are known.
 func incompatibility(agent: LudusAgent) -> String:
 	if not error.is_empty():
 		return error
 	var read := reader()
-	if not agent.observation.is_empty() or not agent.game_observes():
-		var own := agent.known_entries()
-		for entry: LudusObservationEntry in read.entries:
-			var problem := _entry_incompatibility(entry, own)
-			if not problem.is_empty():
-				return problem
+	var known := agent.known_entries()
+	var may_have_more := agent.observation.is_empty() and agent.game_observes()
+	for entry: LudusObservationEntry in read.entries:
+		var problem := _entry_incompatibility(entry, known, may_have_more)
+		if not problem.is_empty():
+			return problem
 	if agent.action.size() != read.components.size():
 		return (
 			"the policy decides %d action components, the agent has %d"
@@ -111,9 +111,9 @@ func incompatibility(agent: LudusAgent) -> String:
 
 
 static func _entry_incompatibility(
-	entry: LudusObservationEntry, declared: Array[LudusObservationEntry]
+	entry: LudusObservationEntry, known: Array[LudusObservationEntry], may_have_more: bool
 ) -> String:
-	for own: LudusObservationEntry in declared:
+	for own: LudusObservationEntry in known:
 		if own == null or own.name != entry.name:
 			continue
 		if own.dtype == entry.dtype and own.shape == entry.shape:
@@ -128,6 +128,8 @@ static func _entry_incompatibility(
 				own.shape
 			]
 		)
+	if may_have_more:
+		return ""
 	return 'observation["%s"]: the policy needs this entry, the agent has none' % entry.name
 
 
