@@ -45,7 +45,7 @@ ADDON_INTERNALS = {
     "LudusSimulation": "overrides describe",
     "LudusSimulationHost": "FORMER_SAMPLE_ACTIONS is_settling place set_running is_sharing",
     "LudusTraining": "FORMER_NAMES is_in_charge to_json",
-    "LudusWorld": "num_beginnings num_placed is_ready find_in attach take_over set_seed "
+    "LudusWorld": "num_placed is_ready find_in attach take_over set_seed "
     "distance_between_copies begin_episode",
 }
 
