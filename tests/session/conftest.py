@@ -90,5 +90,5 @@ def step(session: EngineSession) -> Any:
 
 
 def assert_ended(session: EngineSession) -> None:
-    with pytest.raises(SequenceError, match="CLOSED"):
+    with pytest.raises(SequenceError, match="the environment is closed"):
         reset(session)

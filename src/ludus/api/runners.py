@@ -78,6 +78,9 @@ class OnnxRunner:
         require_package("onnxruntime")
         import onnxruntime
 
+        if not path.is_file():
+            raise PolicyFileError(f"there is no file {path}", "`ludus export` writes policy files")
+
         runtime = cast(Any, onnxruntime)
         try:
             self._session = runtime.InferenceSession(str(path), providers=["CPUExecutionProvider"])

@@ -68,6 +68,8 @@ def read_model(path: str | Path) -> PolicyModel:
         return from_json(parse_json(data))
     except ValueError as error:
         hint = "`ludus export` writes policy files"
+        if path.suffix == ".onnx":
+            hint = "only ludus.load_policy plays .onnx files: name the run, or its .ludus.json"
         raise PolicyFileError(f"{path}: not JSON: {error}", hint) from error
     except PolicyFileError as error:
         raise PolicyFileError(f"{path}: {error.message}", error.hint) from error

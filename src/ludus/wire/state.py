@@ -51,10 +51,7 @@ RECEIVED: dict[tuple[State, int], State] = {
 }
 """(state, type of the frame the engine sends) → next state."""
 
-_ADVICE = {
-    State.CLOSED: "the connection is closed; make a new environment",
-    State.STEPPING: "receive the answer to the last step first",
-}
+_ADVICE = {State.STEPPING: "receive the answer to the last step first"}
 
 
 class ConnectionState:
@@ -72,6 +69,8 @@ class ConnectionState:
         """
         following = SENT.get((self.state, frame_type))
         if following is None:
+            if self.state is State.CLOSED:
+                raise SequenceError("the environment is closed", "make a new one")
             hint = _ADVICE.get(self.state, "")
             raise SequenceError(f"{frame_type.name} is not allowed in {self.state.name}", hint)
         if frame_type is FrameType.STEP and not self.has_reset:
