@@ -59,6 +59,7 @@ def test_structs_and_dictionaries_are_the_same_settings(train_small: Any) -> Non
 
 MISTAKES: list[tuple[dict[str, Any], str]] = [
     ({"totl_steps": 3}, "unknown setting totl_steps"),
+    ({"lerning_rate": 3}, "did you mean ppo.learning_rate"),
     ({"total_steps": "many"}, "total_steps must be a whole number, not 'many'"),
     ({"ppo": {"learning_rate": -1.0}}, "learning_rate must be above 0"),
     ({"ppo": 3}, "ppo must hold settings by name, not 3"),

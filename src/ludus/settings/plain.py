@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import json
 import reprlib
 import sys
@@ -68,7 +69,16 @@ def merge_settings(config: Struct, values: Mapping[str, Any], where: str) -> Str
     changes: dict[str, Any] = {}
     for name, value in values.items():
         if name not in hints:
-            hint = did_you_mean(name, sorted(hints), "known settings")
+            inner = {
+                field.name: f"{group}.{field.name}"
+                for group in reversed(hints)
+                if isinstance(of := getattr(config, group), Settings)
+                for field in dataclasses.fields(of)
+            }
+            names = {**inner, **{own: own for own in hints}}
+            close = difflib.get_close_matches(name, names, n=1, cutoff=0.8)
+            known = [names[close[0]]] if close else sorted(hints)
+            hint = did_you_mean(name, known, "known settings")
             raise ConfigError(f"{where}: unknown setting {name}", hint)
         current = getattr(config, name)
         if name == "policies":
