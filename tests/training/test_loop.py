@@ -167,18 +167,19 @@ def test_resume_names_settings_that_differ(small: Any, caplog: pytest.LogCapture
     assert "policies.agent.learning_rate is 1e-05 instead of 0.001" in caplog.text
 
 
-def test_resume_at_a_limit_names_it_and_evaluates_nothing(
+def test_resume_at_a_limit_names_it_and_keeps_the_evaluation(
     small: Any, caplog: pytest.LogCaptureFixture
 ) -> None:
     first = train(small(evaluation_episodes=2))
     written = (first.path / "result.json").read_bytes()
     second = train(small(evaluation_episodes=2), resume=first.path)
-    assert (second.stop_reason, second.evaluation) == ("total_steps", {})
+    assert (second.stop_reason, second.evaluation) == ("total_steps", first.evaluation)
     assert f"{first.path} is finished: it has reached its total_steps of 640; " in caplog.text
     assert f"ludus train --resume {first.path} --total-steps" in caplog.text
     assert (first.path / "result.json").read_bytes() == written
-    train(small(evaluation_episodes=2, target_return=-1e9, return_window=1, total_steps=1280),
-          resume=first.path)  # fmt: skip
+    train(small(evaluation_episodes=2, target_return=-1e9, return_window=1, total_steps=1280,
+                max_time_s=1000.0), resume=first.path)  # fmt: skip
+    assert "max_time_s is 1000 s: " in caplog.text
     assert "reached its target_return of -1e+09; to train it further, raise that" in caplog.text
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import logging
 import re
 import shlex
@@ -150,7 +151,14 @@ def _train_in(
         reason = trainer.reason_to_stop()
         if reason is not None and folder.evaluation.exists():
             _name_limit(reason, config, folder)
-            return _result(trainer, folder, reason)
+            saved = json.loads(folder.evaluation.read_bytes())
+            evaluation = {
+                name: Evaluation.of(of["returns"], of["lengths"]) for name, of in saved.items()
+            }
+            return _result(trainer, folder, reason, evaluation=evaluation)
+        if config.max_time_s is not None:
+            left_s = config.max_time_s - trainer.wall_s
+            log.warning("max_time_s is %g s: %.0f s of it are left", config.max_time_s, left_s)
     else:
         trainer, learners = make_trainer()
     folder.write_config(config, resolved.origins)
@@ -369,11 +377,16 @@ def log_file(folder: RunFolder) -> Generator[None, None, None]:
                       delay=True)  # fmt: skip
     handler.setFormatter(PrintableFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
     logger = logging.getLogger("ludus")
-    logger.addHandler(handler)
+    handlers: list[logging.Handler] = [handler]
+    if logging.lastResort is not None and not logger.hasHandlers():
+        handlers.append(logging.lastResort)  # which Python asks only where there is no other
+    for each in handlers:
+        logger.addHandler(each)
     try:
         yield
     finally:
-        logger.removeHandler(handler)
+        for each in handlers:
+            logger.removeHandler(each)
         handler.close()
 
 
