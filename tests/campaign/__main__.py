@@ -7,6 +7,7 @@ plays this round again.
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
 import os
 import random
@@ -28,6 +29,7 @@ from tests.campaign.trainer import preload
 
 ENGINES = ("godot4", "godot3", "bevy")
 MAX_FINDINGS = 10
+NEEDS_RAY = {"nodes"}
 NEEDS_GAME = {"kill-with-game", "kill-engine", "stop", "stop-engine", "lies", "policies"}
 
 
@@ -39,6 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     engines = [name for name in options.engines if name != "gym" and wanted & NEEDS_GAME]
     targets, left_out = find_targets(engines, folder)
     faults = _choose_faults(options.faults, targets)
+    left_out += [f"{name}: Ray is not installed" for name in NEEDS_RAY - set(faults) & wanted]
     for reason in left_out:
         _say(f"left out: {reason}")
     if not can_mount():
@@ -136,7 +139,11 @@ def _choose_faults(wanted: Sequence[str], targets: dict[str, str]) -> list[str]:
     if unknown := set(wanted) - FAULTS.keys():
         raise SystemExit(f"there is no fault {unknown.pop()}; faults: {', '.join(FAULTS)}")
     has_game = any(engine in targets for engine in ENGINES)
-    return [name for name in wanted or FAULTS if has_game or name not in NEEDS_GAME]
+    missing = {
+        *(() if has_game else NEEDS_GAME),
+        *(() if importlib.util.find_spec("ray") else NEEDS_RAY),
+    }
+    return [name for name in wanted or FAULTS if name not in missing]
 
 
 def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from pathlib import Path
+from typing import Any
 
 from ludus.errors import CheckpointError
 from ludus.runs.checkpoint import read_checkpoint
@@ -17,10 +18,10 @@ ERRORS = frozenset({2, 3, 4, 5})
 GONE_WITHIN_S = 30.0
 
 
-def check_all(the_round: Round) -> None:
-    """Check every promise, at the end of a round."""
+def check_all(the_round: Round, **settings: Any) -> None:
+    """Check every promise, at the end of a round; the run resumes with other ``settings``."""
     check_checkpoints(the_round)
-    check_resumes(the_round)
+    check_resumes(the_round, **settings)
     check_nothing_left(the_round)
     check_nothing_ran(the_round)
 
@@ -69,9 +70,10 @@ def _may_be_gone(the_round: Round, path: Path) -> bool:
     )
 
 
-def check_resumes(the_round: Round) -> None:
+def check_resumes(the_round: Round, **settings: Any) -> None:
     """The run resumes and ends. One without any checkpoint says so; then a new run ends."""
-    trainer = the_round.finish(resume=True, total_steps=_little_more(the_round))
+    settings = {"total_steps": _little_more(the_round), **settings}
+    trainer = the_round.finish(resume=True, **settings)
     if trainer.wait() != 0:
         check_ending(trainer)
         whole = [path for path in the_round.saved() if path.exists()]
@@ -80,7 +82,8 @@ def check_resumes(the_round: Round) -> None:
         _make_good(the_round)
         if not whole:
             the_round.run = the_round.run.with_name("another")
-        trainer = the_round.finish(resume=bool(whole), total_steps=_little_more(the_round))
+        settings["total_steps"] = _little_more(the_round)
+        trainer = the_round.finish(resume=bool(whole), **settings)
     check_ending(trainer, 0)
     result = json.loads((the_round.run / "result.json").read_bytes())
     if result["stop_reason"] != "total_steps":

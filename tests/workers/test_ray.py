@@ -273,6 +273,17 @@ def test_a_node_that_joins_takes_the_place_of_one_that_is_gone(
     assert "there is no node for machine" in (run.path / "train.log").read_text()
 
 
+@pytest.mark.slow
+def test_a_round_of_the_campaign_finds_nothing(tmp_path: Path) -> None:
+    """With a cluster of its own, in a folder with files that nobody may run."""
+    play_round = [sys.executable, "-m", "tests.campaign", "--faults", "nodes", "--engines", "gym"]
+    done = subprocess.run(
+        [*play_round, "--round", "0"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout
+    assert "1 rounds" in done.stdout
+
+
 def start_on(address: str, runs: Path, *flags: str) -> psutil.Popen:
     """Train in a process of its own until the first updates are made."""
     command = [

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import socket
 import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, cast
 
 import ray as ray_package
@@ -155,12 +157,17 @@ class RayCluster:
 
 
 def _join(address: str) -> None:
+    installed = Path(ray_package.__file__).parents[1]
     try:
-        ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
+        # Ray's workers import from the folder that is the current one now: from a downloaded
+        # repository they would run its dill.py and pynvml.py.
+        with contextlib.chdir(installed):
+            ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR)
     except (ConnectionError, RuntimeError, ValueError) as error:
         raise ConfigError(
             f"there is no Ray cluster at {address}: {str(error).splitlines()[0]}",
-            "ray start --head starts one on this machine; --cluster local:2 needs none",
+            "ray start --head starts one on this machine, and --cluster local:2 needs none; one "
+            "with tokens takes RAY_AUTH_MODE=token, and a copy of its head's ~/.ray/auth_token",
         ) from None
 
 

@@ -63,7 +63,9 @@ class _Actor:
 
     def _do(self, method: str, arguments: tuple[Any, ...]) -> Any:
         if method == "begin":
-            parcel, config, *rest = arguments
+            folder, parcel, config, *rest = arguments
+            with contextlib.suppress(OSError):  # it is there where machines share a home
+                os.chdir(folder)
             if parcel is not None:
                 config = replace(config, **parcel.settings())
             self._worker = Worker(config, *rest)
@@ -183,9 +185,10 @@ class RayMachine:
                 MORE_ROOM,
             )
         self._places.cluster.require_head()
-        # What went wrong in the actor has a traceback around it.
-        said = str(getattr(error, "cause", error)).strip().splitlines()[0]
-        return MachineLost(f"{self.name} is lost: {said}", RESUME)
+        # What went wrong in the actor has a traceback around it; why it did not start ends one.
+        said = str(getattr(error, "cause", error)).strip().splitlines()
+        why = said[-1 if "creation task" in said[0] else 0]
+        return MachineLost(f"{self.name} is lost: {why}", RESUME)
 
     def kill(self) -> None:
         """End the worker's process without a word; its games end by themselves."""
@@ -282,7 +285,7 @@ def open_ray_machines(
 
     def start(machine: RayMachine, index: int) -> RayMachine:
         machine.greet()
-        machine.send("begin", parcel, config, index, log_dir)
+        machine.send("begin", Path.cwd(), parcel, config, index, log_dir)
         return machine
 
     def prepare(indices: range) -> None:

@@ -11,6 +11,7 @@ from tests.campaign.faults.full_disk import fill_disk
 from tests.campaign.faults.kill import kill_engine, kill_trainer, kill_trainer_of_game
 from tests.campaign.faults.lies import lie_on_the_wire
 from tests.campaign.faults.names import name_folders, name_policies
+from tests.campaign.faults.nodes import harm_nodes
 from tests.campaign.faults.stop import stop_engine, stop_trainer
 from tests.campaign.faults.strangers import start_among_strangers
 from tests.campaign.faults.workers import harm_workers
@@ -30,6 +31,7 @@ FAULTS: dict[str, tuple[int, Callable[[Round], None]]] = {
     "folders": (2, name_folders),
     "policies": (2, name_policies),
     "workers": (2, harm_workers),
+    "nodes": (1, harm_nodes),
     "strangers": (1, start_among_strangers),
     "frames": (6, fuzz_frames),
     "godot-frames": (1, fuzz_godot),
