@@ -22,8 +22,10 @@ class GameFlags(BridgeFlags):
         num_worlds: Worlds in each engine; as in training if not given.
         num_engines: Game processes side by side; as in training if not given.
         layout: How worlds are kept apart; as in training if not given.
-        ticks_per_step: Physics ticks per decision; as in training if not given.
-        max_episode_steps: Steps after which episodes are truncated; as in training if not given.
+        ticks_per_step: Physics ticks per decision; if not given, the run's setting, or else the
+            agents' own.
+        max_episode_steps: Steps after which episodes are truncated; if not given, the run's
+            setting, or else the agents' own.
         godot: Engine to use; as in training if not given.
         is_pinned: Give each engine its own core, as in training if not given; without it none gets
             one.
