@@ -115,6 +115,26 @@ def _navigation(front_page: str) -> str:
     return toctrees
 
 
+def _link_pages(
+    _app: Sphinx, _what: str, _name: str, _object: object, _options: object, lines: list[str]
+) -> None:
+    """Make links of the pages that a docstring names: ``docs/targets.md``, ``PROTOCOL.md``."""
+    front_page = (HERE / "index.md").read_text(encoding="utf-8")
+    titles = {
+        (HERE / path).resolve(): text
+        for text, path in re.findall(r"\[([^\]]+)\]\(([\w./-]+\.md)\)", front_page)
+    }
+    stand_ins = {(HERE.parent / file).resolve(): page for page, file in OUTSIDE.items()}
+
+    def link(found: re.Match[str]) -> str:
+        file = HERE.parent / (found[1] or "protocol/") / found[2]
+        title = titles.get(file)
+        return f":doc:`{title} </{stand_ins.get(file, file.stem)}>`" if title else found[0]
+
+    pattern = r"(?<![\w/`])(?:``)?(docs/|protocol/)?([\w-]+\.md)(?:``)?(?![\w`])"
+    lines[:] = [re.sub(pattern, link, line) for line in lines]
+
+
 def _generate(_app: Sphinx) -> None:
     write_command_pages(HERE / "reference" / "commands")
     write_error_pages(HERE / "reference" / "errors")
@@ -147,6 +167,7 @@ def setup(app: Sphinx) -> None:
     """Generate the reference before pages are read."""
     app.connect("builder-inited", _generate)
     app.connect("source-read", _read_page)
+    app.connect("autodoc-process-docstring", _link_pages)
     app.connect("build-finished", _add_rustdoc)
     app.connect("build-finished", _add_web_game)
     app.connect("build-finished", _check_links)
