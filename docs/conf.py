@@ -71,7 +71,7 @@ def _read_page(_app: Sphinx, page: str, source: list[str]) -> None:
     Links to files outside this folder lead to their pages in the site, or become plain text;
     languages of code blocks lose what only rustdoc understands.
     """
-    folder = HERE
+    folder = (HERE / page).parent
     if page in OUTSIDE and page != "index":
         file = HERE.parent / OUTSIDE[page]
         source[0], folder = file.read_text(encoding="utf-8"), file.parent
@@ -82,12 +82,12 @@ def _read_page(_app: Sphinx, page: str, source: list[str]) -> None:
         target = (folder / path).resolve()
         if target in pages:
             # The front page of the site is not the README, and has none of its headings.
-            return f"[{link[1]}]({pages[target]}.md{'' if pages[target] == 'index' else anchor})"
+            return f"[{link[1]}](/{pages[target]}.md{'' if pages[target] == 'index' else anchor})"
         if target.is_relative_to(HERE):
-            return f"[{link[1]}]({target.relative_to(HERE).as_posix()}{anchor})"
+            return f"[{link[1]}](/{target.relative_to(HERE).as_posix()}{anchor})"
         return link[1]
 
-    if folder != HERE or "](../" in source[0]:
+    if not folder.is_relative_to(HERE) or "](../" in source[0]:
         source[0] = re.sub(r"\[([^\]]*)\]\(([\w./-]+)(#[\w-]+)?\)", lead, source[0])
     source[0] = re.sub(r"^```rust,\w+$", "```rust", source[0], flags=re.MULTILINE)
     if page == "reference/rust" and _has_rustdoc():
