@@ -253,7 +253,12 @@ class _Places:
         return self._make.options(scheduling_strategy=strategy).remote()
 
     def node(self, index: int) -> Node | None:
-        """Return the node that a place is on; None while it is on none that lives."""
+        """Return the node that a place is on; None while it is on none that lives.
+
+        Raises:
+            RunError: The head, which knows, is gone.
+        """
+        self.cluster.require_head()
         table = groups.placement_group_table(self._group)
         found = table["bundles_to_node_id"].get(index)
         return next((node for node in self.cluster.nodes() if node.id == found), None)
