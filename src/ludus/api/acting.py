@@ -90,7 +90,7 @@ class LoadedPolicy:
             An action of ``action_space``; for a batch ``n`` of them in arrays.
 
         Raises:
-            ArgumentError: An entry is not an array of numbers, or the observation is no dictionary.
+            ArgumentError: What should be a dictionary, or an array of numbers, is something else.
             UsageError: An entry is missing or has another shape, or a policy with a memory gets a
                 batch of another size than before.
         """

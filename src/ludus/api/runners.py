@@ -79,7 +79,8 @@ class OnnxRunner:
         import onnxruntime
 
         if not path.is_file():
-            raise PolicyFileError(f"there is no file {path}", "`ludus export` writes policy files")
+            hint = "`ludus export` writes policy files"
+            raise PolicyFileError(f"cannot read policy file {path}: it does not exist", hint)
 
         runtime = cast(Any, onnxruntime)
         try:

@@ -184,7 +184,7 @@ def _check_groups(flags: Sequence[str], command: TrainCommand) -> None:
             known = [each.replace("_", "-") for each in names]
             name = name.replace("_", "-")
             hint = did_you_mean(name, known, f"settings of --{group}")
-            raise ConfigError(f"there is no setting --{group}.{name}", hint)
+            raise ConfigError(f"unknown setting --{group}.{name}", hint)
 
 
 def _typed(command: TrainCommand, flags: Sequence[str]) -> dict[str, Any]:

@@ -379,7 +379,7 @@ def log_file(folder: RunFolder) -> Generator[None, None, None]:
     logger = logging.getLogger("ludus")
     handlers: list[logging.Handler] = [handler]
     if logging.lastResort is not None and not logger.hasHandlers():
-        handlers.append(logging.lastResort)  # which Python asks only where there is no other
+        handlers.append(logging.lastResort)  # Python uses it only if there is no other handler
     for each in handlers:
         logger.addHandler(each)
     try:

@@ -51,12 +51,13 @@ CLOSE_REQUEST = b'{"type": "close"}'
 _OLD_POLICY = "shared_policy"
 """Policy of every agent, if a plug-in is too old to name policies."""
 _MAX_AGENTS = 1 << 16
-_encode = json.JSONEncoder(allow_nan=False).encode
 _MAX_NAME = 64
 _HINT = (
     "is what connected a game of Godot RL Agents? Plug-ins from 0.3 on are understood; games with "
     "Ludus's own add-on take no prefix"
 )
+
+_encode = json.JSONEncoder(allow_nan=False).encode
 
 
 @dataclass(frozen=True)
