@@ -32,6 +32,7 @@ html_title = f"Ludus {__version__}"
 html_copy_source = False
 html_static_path = ["_static"]
 html_css_files = ["ludus.css"]
+html_favicon = "../engines/godot4/addons/ludus/icons/ludus_agent.svg"
 
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3
