@@ -60,6 +60,7 @@ def test_random_play_in_a_run_and_in_a_game(
     table = capsys.readouterr().out
     assert "mean" in table
     assert "± std" in table
+    assert f"{GAME}, random actions" in table
 
 
 def test_a_game_needs_something_that_plays_it(capsys: pytest.CaptureFixture[str]) -> None:

@@ -80,5 +80,7 @@ def run(command: EvaluateCommand) -> int:
                 values[name]["share_reaching"] = result.share_reaching(command.goal_return)
         sys.stdout.write(json.dumps({"run": command.run, "policies": values}) + "\n")
     else:
-        Console().print(evaluation_table(results, command.run, command.goal_return))
+        played_by = ["random actions"] if command.random else map(str, command.policy)
+        title = ", ".join((command.run, *played_by))
+        Console().print(evaluation_table(results, title, command.goal_return))
     return 0
