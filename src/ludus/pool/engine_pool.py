@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 import logging
 import secrets
 from collections.abc import Callable, Mapping, Sequence
@@ -24,14 +23,15 @@ from ludus.errors import (
     SequenceError,
     UsageError,
 )
+from ludus.pool.batches import copy_batch, copy_state, join_batches, truncate, who_acts
 from ludus.session import Session
 from ludus.settings.world_parameters import Parameter
 from ludus.spec import PolicySpec, Spec, spec_difference
-from ludus.spec.batch import ActionBatch, Batch, Batches, StepTimes
+from ludus.spec.batch import ActionBatch, Batches, StepTimes
 from ludus.wire.requests import MetricSummary, add_metrics
 from ludus.wire.reset import Parameters, ResetAction, ResetRequest
 
-__all__ = ["EnginePool", "join_batches"]
+__all__ = ["EnginePool"]
 
 _log = logging.getLogger(__name__)
 _RESTARTABLE = (EngineCrashed, EngineTimeout)
@@ -181,7 +181,7 @@ class EnginePool:
         if not self._is_in_flight[engine]:
             raise SequenceError("nothing to receive", hint="call send() first")
         # What comes may overwrite what was there, even if the engine dies on the way.
-        before = _remembered(self._last[engine]) if self._max_restarts else {}
+        before = who_acts(self._last[engine]) if self._max_restarts else {}
         self._is_in_flight[engine] = False
         if not self._is_lost[engine]:
             try:
@@ -192,7 +192,7 @@ class EnginePool:
             except _RESTARTABLE as error:
                 self._note_loss(engine, error)
         batches = {
-            name: _truncated(batch, *before[name]) for name, batch in self._revive(engine).items()
+            name: truncate(batch, *before[name]) for name, batch in self._revive(engine).items()
         }
         self._keep_last(engine, batches)
         return batches
@@ -313,7 +313,7 @@ class EnginePool:
         self._keep_last(engine, fresh)
         for name, policy in self._policies.items():
             rows = np.repeat(own, policy.agents_per_world)
-            _copy_state(fresh[name], batches[name], rows, self.rows(name, engine))
+            copy_state(fresh[name], batches[name], rows, self.rows(name, engine))
 
     def _keep_last(self, engine: int, batches: Batches) -> None:
         self._last[engine] = batches
@@ -330,7 +330,7 @@ class EnginePool:
         if request is None:
             return batches
         self._remember_parameters(request, worlds.start)
-        kept = {name: _copied(batch) for name, batch in batches.items()}
+        kept = {name: copy_batch(batch) for name, batch in batches.items()}
         try:
             fresh = self._visible(self._sessions[engine].reset(request))
         except _RESTARTABLE as error:
@@ -487,82 +487,3 @@ def _open_all(open_engine: Callable[[int], Session], num_engines: int) -> list[S
                 session.close()
         raise failures[0]
     return sessions
-
-
-def join_batches(parts: list[Batch], policy: PolicySpec) -> Batch:
-    """Return one batch over all engines, or over those of all machines; copies."""
-    masks = [part.action_mask for part in parts if part.action_mask is not None]
-    starts = itertools.accumulate((part.num_agents for part in parts), initial=0)
-    return Batch(
-        observation={
-            e.name: _stacked([part.observation[e.name] for part in parts])
-            for e in policy.observation
-        },
-        reward=_stacked([part.reward for part in parts]),
-        terminated=_stacked([part.terminated for part in parts]),
-        truncated=_stacked([part.truncated for part in parts]),
-        active=_stacked([part.active for part in parts]),
-        action_mask=_stacked(masks) if masks else None,
-        final_index=_stacked(
-            [part.final_index + start for part, start in zip(parts, starts, strict=False)]
-        ),
-        final_observation={
-            e.name: _stacked([part.final_observation[e.name] for part in parts])
-            for e in policy.observation
-        },
-    )
-
-
-def _copied(batch: Batch) -> Batch:
-    return Batch(
-        observation={name: array.copy() for name, array in batch.observation.items()},
-        reward=batch.reward.copy(),
-        terminated=batch.terminated.copy(),
-        truncated=batch.truncated.copy(),
-        active=batch.active.copy(),
-        action_mask=None if batch.action_mask is None else batch.action_mask.copy(),
-        final_index=batch.final_index.copy(),
-        final_observation={name: array.copy() for name, array in batch.final_observation.items()},
-    )
-
-
-def _copy_state(fresh: Batch, joined: Batch, rows: NDArray[np.bool_], place: slice) -> None:
-    """Copy what some slots of an engine see into the batch over all engines."""
-    for entry, values in fresh.observation.items():
-        joined.observation[entry][place][rows] = values[rows]
-    joined.active[place][rows] = fresh.active[rows]
-    if joined.action_mask is not None and fresh.action_mask is not None:
-        joined.action_mask[place][rows] = fresh.action_mask[rows]
-
-
-def _stacked(arrays: list[NDArray[Any]]) -> NDArray[Any]:
-    # A copy takes half as long, which is felt where there is one world.
-    return np.concatenate(arrays) if len(arrays) > 1 else arrays[0].copy()
-
-
-def _remembered(
-    batches: Batches | None,
-) -> dict[str, tuple[NDArray[np.bool_], dict[str, NDArray[Any]]]]:
-    """Return copies of who acts and what they see, by policy."""
-    return {
-        name: (
-            batch.active.copy(),
-            {entry: values.copy() for entry, values in batch.observation.items()},
-        )
-        for name, batch in (batches or {}).items()
-    }
-
-
-def _truncated(fresh: Batch, acted: NDArray[np.bool_], seen: Mapping[str, NDArray[Any]]) -> Batch:
-    """Mark the episodes that an engine took with it as truncated."""
-    index = np.flatnonzero(acted)
-    return Batch(
-        observation=fresh.observation,
-        reward=np.zeros_like(fresh.reward),
-        terminated=np.zeros_like(fresh.terminated),
-        truncated=acted.copy(),
-        active=fresh.active,
-        action_mask=fresh.action_mask,
-        final_index=index,
-        final_observation={entry: values[index] for entry, values in seen.items()},
-    )

@@ -11,7 +11,7 @@ from typing import Any
 
 from ludus.curriculum.world_parameters import Sums, add_sums
 from ludus.errors import MachineLost, ProtocolError, SequenceError, UsageError
-from ludus.pool.engine_pool import join_batches
+from ludus.pool.batches import join_batches
 from ludus.settings.train_config import TrainConfig
 from ludus.settings.world_parameters import Parameter
 from ludus.spec import PolicySpec, Spec
