@@ -32,6 +32,7 @@ def draw_sweep(picture: Path, sweep: Sweep, space: Mapping[str, Domain]) -> None
 
     mpl.use("Agg", force=False)
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     trials = [trial for trial in sweep.trials if trial.score is not None]
     width = min(1 + len(space), MOST_IN_A_ROW)
@@ -51,9 +52,12 @@ def draw_sweep(picture: Path, sweep: Sweep, space: Mapping[str, Domain]) -> None
         if isinstance(domain, Choice):
             texts = list(domain.texts)
             places = [texts.index(json.dumps(place)) for place in places]
-            axis.set_xticks(range(len(texts)), texts)
+            axis.set_xticks(range(len(texts)), [text.strip('"') for text in texts])
         elif domain.is_log:
             axis.set_xscale("log")
+            axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axis.xaxis.set_major_formatter("{x:g}")
+            axis.xaxis.set_minor_formatter(NullFormatter())
         _scatter(axis, places, shown, sweep)
         axis.set_xlabel(name)
     with disk_errors(str(picture)):
