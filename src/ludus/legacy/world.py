@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from ludus.errors import ActionError, ConfigError, GameError, ProtocolError
 from ludus.legacy.game import Declaration, Outcome
 from ludus.spec import AgentSpec, PolicySpec, Spec
@@ -92,15 +94,13 @@ class LegacyWorld:
         if self._is_restarting:
             self._restart(outcome.active)
         acting = [row for row, is_active in enumerate(self._is_active) if is_active]
-        self._write(acting, outcome.observations)
-        if finals:
-            self._write_finals(finals)
+        self._write(acting, outcome.observations, finals)
         return not (self._is_restarting or any(self._is_active))
 
-    def _note_ends(self, outcome: Outcome) -> list[tuple[int, Any]]:
-        """Write rewards and ends of who acted; return the last observations of who ended."""
+    def _note_ends(self, outcome: Outcome) -> list[int]:
+        """Write rewards and ends of who acted; return who ended."""
         limit, batch = self._max_episode_steps, self.batch
-        finals: list[tuple[int, Any]] = []
+        finals: list[int] = []
         for row, place in enumerate(self._rows):
             if not self._is_active[row]:
                 continue
@@ -112,7 +112,7 @@ class LegacyWorld:
             if is_terminated or is_truncated:
                 batch.terminated[row], batch.truncated[row] = is_terminated, is_truncated
                 self._is_active[row] = batch.active[row] = False
-                finals.append((row, outcome.observations[place]))
+                finals.append(row)
         return finals
 
     def _restart(self, active: Sequence[bool] | None) -> None:
@@ -121,16 +121,6 @@ class LegacyWorld:
             if not self._is_active[row] and (active is None or active[place]):
                 self._is_active[row] = self.batch.active[row] = True
                 self._num_steps[row] = 0
-
-    def _write_finals(self, finals: list[tuple[int, Any]]) -> None:
-        rows = [row for row, _ in finals]
-        try:
-            write_finals(self.batch, rows, self._read([final for _, final in finals]))
-        except _MISFITS as error:
-            raise _does_not_fit(rows, error) from error
-        waiting = [row for row in rows if not self._is_active[row]]
-        for values in self.batch.observation.values():
-            values[waiting] = 0
 
     def _check_count(self, part: Sequence[Any]) -> None:
         if len(part) != self._num_in_all:
@@ -145,8 +135,17 @@ class LegacyWorld:
                 f"{self._name}.{kind}: expected actions of shape {expected}, got {shape}"
             )
 
-    def _write(self, rows: Sequence[int], observations: Sequence[Any]) -> None:
-        """Write what the agents of some rows observe, of the observations of all agents."""
+    def _write(
+        self, acting: Sequence[int], observations: Sequence[Any], finals: Sequence[int] = ()
+    ) -> None:
+        """Write what those who act observe, and the last observations of who has ended.
+
+        Args:
+            acting: Rows; those of agents that have ended and begun again are in both.
+            observations: Of all agents of the game.
+            finals: Rows.
+        """
+        rows = sorted({*acting, *finals})
         if not rows:
             return
         own = [observations[self._rows[row]] for row in rows]
@@ -157,10 +156,16 @@ class LegacyWorld:
                 try:
                     self._read([observation])
                 except _MISFITS as error:
-                    raise _does_not_fit([row], error) from error
+                    raise _does_not_fit(row, error) from error
             raise
         for name, values in entries.items():
             self.batch.observation[name][rows] = values
+        if finals:
+            places = np.searchsorted(rows, finals)
+            write_finals(self.batch, finals, {name: of[places] for name, of in entries.items()})
+            waiting = [row for row in finals if not self._is_active[row]]
+            for values in self.batch.observation.values():
+                values[waiting] = 0
 
 
 def num_agents_of(declarations: Sequence[Declaration]) -> int:
@@ -200,9 +205,8 @@ def _rows_of(declaration: Declaration) -> tuple[int, ...]:
     return tuple(range(declaration.num_agents)) if declaration.rows is None else declaration.rows
 
 
-def _does_not_fit(rows: list[int], error: Exception) -> GameError:
-    names = ", ".join(map(str, rows))
+def _does_not_fit(row: int, error: Exception) -> GameError:
     return GameError(
-        f"the observation of agent {names} does not fit observation_space: {error}",
+        f"the observation of agent {row} does not fit observation_space: {error}",
         hint="compare what the game sends with observation_space in Python",
     )
