@@ -8,8 +8,9 @@ Bring them and their Python beside the checkout, then::
 
 A round is one action of every agent, drawn at random, for eight ticks. Each example is played in
 its main scene by its own Python as its readme starts it (``--speedup 8``, and no ``--fixed-fps``
-that Godot understands) and with that flag corrected; by ``gdrl:``; and with our ``sync.gd`` in
-the place of its own, in one process and in two. Rounds of two processes count twice.
+that Godot understands) and with that flag corrected, both with observations made into arrays, as
+all of its trainers do; by ``gdrl:``; and with our ``sync.gd`` in the place of its own, in one
+process and in two. Rounds of two processes count twice.
 """
 
 from __future__ import annotations
@@ -47,6 +48,7 @@ EXAMPLES = {
 THEIR_FPS = ("--fixed-fps", "60")
 THEIR_ROUNDS = """
 import subprocess, sys, time
+import numpy as np
 from godot_rl.core.godot_env import GodotEnv
 
 command, seconds = sys.argv[2:], float(sys.argv[1])
@@ -62,10 +64,16 @@ class Env(GodotEnv):
 
 env = Env("game", convert_action_space=False)
 env.reset()
+rows = {}
+for row, policy in enumerate(env.agent_policy_names):
+    rows.setdefault(policy, []).append(row)
 
 def play():
     drawn = [space.sample() for space in env.tuple_action_spaces]
-    env.step(drawn, order_ij=True)
+    observations, rewards, *_ = env.step(drawn, order_ij=True)
+    for own in rows.values():
+        {key: np.array([observations[row][key] for row in own]) for key in observations[own[0]]}
+    np.array(rewards, np.float32)
 
 for _ in range(20):
     play()
