@@ -254,3 +254,27 @@ def test_copies_do_not_lie_in_each_other(make_game: MakeGame, spacing: str) -> N
     with contextlib.closing(ludus.make_vec(str(game), num_worlds=2)) as env:
         places = env.reset(seed=1)[0]
     assert abs(places[1] - places[0]).item() == 8192.0
+
+
+def test_a_game_may_have_classes_with_the_names_of_our_types(make_game: MakeGame) -> None:
+    """Godot looks for a type among the game's global classes before it looks in our script."""
+    count_broken = """func get_observation() -> PackedFloat32Array:
+	var num_broken := 0
+	for path in FileAccess.get_file_as_string("res://scripts.txt").split("\\n"):
+		var script := load(path) as GDScript
+		num_broken += int(script == null or not script.can_instantiate())
+	return PackedFloat32Array([num_broken])
+"""
+    game = make_game(get_observation=count_broken)
+    addon = game / "addons/ludus"
+    scripts = [path for path in addon.rglob("*.gd") if "editor" not in path.parts]
+    listed = (f"res://{path.relative_to(game).as_posix()}" for path in scripts)
+    (game / "scripts.txt").write_text("\n".join(listed))
+    types = re.compile(r"^(?:enum|class) ((?!Ludus)\w+)", re.MULTILINE)
+    names = {name for path in scripts for name in types.findall(path.read_text())}
+    assert "State" in names
+    for name in names:
+        (game / f"{name}.gd").write_text(f"class_name {name}\nextends Node\n")
+    with contextlib.closing(ludus.make(str(game))) as env:
+        observation, _ = env.reset(seed=1)
+    assert observation.tolist() == [0.0]

@@ -16,7 +16,7 @@ enum Kind {
 		name = value
 		emit_changed()
 ## A choice, or numbers.
-@export var kind: Kind = Kind.DISCRETE:
+@export var kind: LudusActionComponent.Kind = Kind.DISCRETE:
 	set(value):
 		kind = value
 		notify_property_list_changed()

@@ -60,7 +60,7 @@ const REQUIRED_METHODS: Array[StringName] = [
 ## Physics ticks per decision; the same for all agents of the game.
 @export_range(1, 1000) var ticks_per_step: int = 2
 ## Whether the game gets the action in every tick of a step or only in the first.
-@export var action_timing: ActionTiming = ActionTiming.EVERY_TICK
+@export var action_timing: LudusAgent.ActionTiming = ActionTiming.EVERY_TICK
 ## Steps after which an episode is cut off (truncated); 0: never.
 @export_range(0, 1000000, 1, "or_greater") var max_episode_steps: int = 0
 ## Whether the game must have [code]get_action_mask()[/code]. The method is used in any case.

@@ -20,7 +20,7 @@ const DTYPE_BYTES: PackedInt32Array = [4, 1, 8]
 		name = value
 		emit_changed()
 ## Type of the elements.
-@export var dtype: DType = DType.FLOAT32:
+@export var dtype: LudusObservationEntry.DType = DType.FLOAT32:
 	set(value):
 		dtype = value
 		emit_changed()
@@ -37,7 +37,9 @@ const DTYPE_BYTES: PackedInt32Array = [4, 1, 8]
 
 ## Makes an entry in code.
 static func create(
-	entry_name: String, entry_shape: PackedInt32Array, entry_dtype: DType = DType.FLOAT32
+	entry_name: String,
+	entry_shape: PackedInt32Array,
+	entry_dtype: LudusObservationEntry.DType = DType.FLOAT32
 ) -> LudusObservationEntry:
 	var entry := LudusObservationEntry.new()
 	entry.name = entry_name

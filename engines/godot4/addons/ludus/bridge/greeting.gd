@@ -13,6 +13,7 @@ enum State {
 }
 
 const LudusArguments := preload("res://addons/ludus/bridge/arguments.gd")
+const LudusGreeting := preload("res://addons/ludus/bridge/greeting.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
 const NONCE_BYTES := 32
@@ -22,7 +23,7 @@ const MAX_SHOWN := 200
 
 ## Connection that is greeted.
 var stream: StreamPeer
-var state: State = State.WAITING
+var state: LudusGreeting.State = State.WAITING
 ## Code and text of what went wrong, and a hint; empty texts if nothing did.
 var code: String = ""
 var error: String = ""

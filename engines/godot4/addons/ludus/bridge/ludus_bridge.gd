@@ -18,7 +18,7 @@ signal training_status(status: Dictionary)
 signal policy_mode_changed(policy: String, mode: LudusBridge.PolicyMode)
 
 ## What the bridge does in the next tick.
-enum Phase {
+enum LudusPhase {
 	START,  ## Look for a trainer.
 	MANUAL,  ## No trainer: people play.
 	STEPPING,  ## The ticks of a step pass.
@@ -51,14 +51,16 @@ const NOT_TRAINABLE := (
 	"exported without the feature `ludus`: " + "add it to the preset's custom features"
 )
 ## Phases in which a person who watches may hold time.
-const PLAYED_PHASES: Array[Phase] = [Phase.STEPPING, Phase.MANUAL, Phase.STANDING_BY]
+const PLAYED_PHASES: Array[LudusPhase] = [
+	LudusPhase.STEPPING, LudusPhase.MANUAL, LudusPhase.STANDING_BY
+]
 
 ## Plays agents that have a [LudusPolicy] while no trainer is there.
 var player := LudusPolicyPlayer.new()
 ## Training that the game guides; see [LudusTraining].
 var guided: LudusGuidedTraining
 
-var _phase: Phase = Phase.START
+var _phase: LudusPhase = LudusPhase.START
 var _arguments: LudusArguments
 var _link: LudusLink
 var _controls: LudusPlayControls
@@ -128,7 +130,7 @@ func _physics_process(_delta: float) -> void:
 		return
 	var now := Time.get_ticks_usec()
 	match _phase:
-		Phase.STEPPING:
+		LudusPhase.STEPPING:
 			_engine_us += now - _left_us
 			_num_ticks += 1
 			_ticks_left -= 1
@@ -136,36 +138,36 @@ func _physics_process(_delta: float) -> void:
 				_repeat(now)
 			else:
 				_finish_step(now)
-		Phase.HELD:
+		LudusPhase.HELD:
 			get_tree().paused = false
 			_game.release()
 			if _hold_or_answer():
 				_serve()
-		Phase.SETTLING:
+		LudusPhase.SETTLING:
 			_num_ticks += 1
 			if _stage.advance_settling():
 				_answer()
 				_serve()
 			elif not _stage.error.is_empty():
 				_fail("game", _stage.error)
-		Phase.CEILING:
+		LudusPhase.CEILING:
 			if _ceiling.advance():
 				_send(_ceiling.result_frame())
 				_serve()
-		Phase.MANUAL:
+		LudusPhase.MANUAL:
 			player.advance()
 			_manual.advance()
-		Phase.WAITING:
+		LudusPhase.WAITING:
 			if not guided.is_silent_frame():
 				get_tree().paused = false
 				_serve()
-		Phase.STANDING_BY:
+		LudusPhase.STANDING_BY:
 			player.advance()
 			_manual.advance()
 			_serve()
-		Phase.PASSING:
+		LudusPhase.PASSING:
 			_serve()
-		Phase.START:
+		LudusPhase.START:
 			_start()
 	_left_us = Time.get_ticks_usec()
 
@@ -239,7 +241,7 @@ func _hold_or_answer() -> bool:
 		return false
 	if not _game.is_held():
 		return _settle_or_answer()
-	_phase = Phase.HELD
+	_phase = LudusPhase.HELD
 	get_tree().paused = true
 	return false
 
@@ -249,7 +251,7 @@ func _settle_or_answer() -> bool:
 	if worlds.is_empty():
 		_answer()
 		return true
-	_phase = Phase.SETTLING
+	_phase = LudusPhase.SETTLING
 	_stage.begin_settling(worlds)
 	return false
 
@@ -281,10 +283,10 @@ func _send(frame: PackedByteArray) -> void:
 
 ## Takes requests until one lets time pass.
 func _serve() -> void:
-	while _link != null and _phase != Phase.ENDED:
+	while _link != null and _phase != LudusPhase.ENDED:
 		var asked := Time.get_ticks_usec()
 		if _requests.is_guided and not guided.poll(_link):
-			_phase = Phase.STANDING_BY if guided.is_standing_by else Phase.WAITING
+			_phase = LudusPhase.STANDING_BY if guided.is_standing_by else LudusPhase.WAITING
 			return
 		if not _link.receive():
 			_fail("" if _link.error.is_empty() else "frame", _link.error)
@@ -337,7 +339,7 @@ func _handle_step() -> bool:
 		_controls.ticks_per_step = _ticks_left
 	_engine_us = 0
 	_batch_flags = 0
-	_phase = Phase.STEPPING
+	_phase = LudusPhase.STEPPING
 	return true
 
 
@@ -359,11 +361,11 @@ func _handle_call() -> bool:
 	var call := LudusCall.new(_link.payload)
 	if call.is_ceiling():
 		_ceiling = call.make_ceiling(_game)
-		_phase = Phase.CEILING
+		_phase = LudusPhase.CEILING
 		_has_reset = false
 		return true
 	if call.is_frame_passed():
-		_phase = Phase.PASSING
+		_phase = LudusPhase.PASSING
 		_send(call.answer_nothing())
 		return true
 	if call.is_stand_by():
@@ -377,7 +379,7 @@ func _handle_call() -> bool:
 
 
 func _start() -> void:
-	_phase = Phase.MANUAL
+	_phase = LudusPhase.MANUAL
 	_manual = LudusManualPlay.new()
 	if not LudusBridge.is_trainable() and _arguments.play_scene.is_empty():
 		if _arguments.has_trainer():
@@ -402,7 +404,7 @@ func _start() -> void:
 
 
 func _guide(link: LudusLink) -> void:
-	if _phase != Phase.MANUAL:
+	if _phase != LudusPhase.MANUAL:
 		link.close()
 		guided.lose("the game is being trained already")
 		return
@@ -449,12 +451,12 @@ func _end(message: String) -> void:
 	if guided.is_guiding():
 		_go_on_without_trainer(message)
 		return
-	_phase = Phase.ENDED
+	_phase = LudusPhase.ENDED
 	get_tree().quit(0 if message.is_empty() else 1)
 
 
 func _go_on_without_trainer(message: String) -> void:
-	_phase = Phase.MANUAL
+	_phase = LudusPhase.MANUAL
 	_has_reset = false
 	_requests.close()
 	_metrics = LudusMetrics.new()

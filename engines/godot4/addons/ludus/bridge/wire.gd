@@ -28,6 +28,7 @@ enum ResetAction {
 }
 
 ## A trainer of protocol 1 proves nothing, and is not taken.
+const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 const PROTOCOL_MIN := 2
 const PROTOCOL_MAX := 2
 const ADDON_VERSION := "0.1.0"
@@ -46,7 +47,7 @@ const FLAG_REQUESTS := 2
 
 
 ## Returns an empty frame of the given type, to append a payload to; see [method finish].
-static func begin(type: Type) -> PackedByteArray:
+static func begin(type: LudusWire.Type) -> PackedByteArray:
 	var frame := PackedByteArray()
 	frame.resize(HEADER_BYTES)
 	frame[4] = type
@@ -60,14 +61,14 @@ static func finish(frame: PackedByteArray) -> PackedByteArray:
 
 
 ## Returns a whole frame with a JSON payload.
-static func json_frame(type: Type, value: Dictionary) -> PackedByteArray:
+static func json_frame(type: LudusWire.Type, value: Dictionary) -> PackedByteArray:
 	var frame := begin(type)
 	frame.append_array(JSON.stringify(value, "", false, true).to_utf8_buffer())
 	return finish(frame)
 
 
 ## Returns a whole frame with the given payload.
-static func raw_frame(type: Type, payload: PackedByteArray) -> PackedByteArray:
+static func raw_frame(type: LudusWire.Type, payload: PackedByteArray) -> PackedByteArray:
 	var frame := begin(type)
 	frame.append_array(payload)
 	return finish(frame)

@@ -27,7 +27,7 @@ const FRAME_COLOUR := Color(0.3, 0.8, 1.0, 0.8)
 ## Rows of pixels.
 @export_range(1, 4096) var height: int = 84
 ## What a pixel holds.
-@export var channels: Channels = Channels.RGB
+@export var channels: LudusCamera2D.Channels = Channels.RGB
 ## How much of the canvas is seen, in its own pixels; it is scaled to [member width] and
 ## [member height].
 @export var seen_size: Vector2 = Vector2(336.0, 336.0):

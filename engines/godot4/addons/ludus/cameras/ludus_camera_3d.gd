@@ -24,7 +24,7 @@ const LudusCameras := preload("res://addons/ludus/cameras/cameras.gd")
 ## Rows of pixels.
 @export_range(1, 4096) var height: int = 84
 ## What a pixel holds.
-@export var channels: Channels = Channels.RGB
+@export var channels: LudusCamera3D.Channels = Channels.RGB
 
 var _view: LudusCameraView
 

@@ -16,7 +16,7 @@ enum Pattern {
 }
 
 ## How the rays lie.
-@export var pattern: Pattern = Pattern.CONE:
+@export var pattern: LudusRays3D.Pattern = Pattern.CONE:
 	set(value):
 		pattern = value
 		_forget()

@@ -21,6 +21,7 @@ enum Event {
 }
 
 const LudusGamePace := preload("res://addons/ludus/training/game_pace.gd")
+const LudusGuidedTraining := preload("res://addons/ludus/training/guided_training.gd")
 const LudusLink := preload("res://addons/ludus/bridge/link.gd")
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
 const LudusStage := preload("res://addons/ludus/world/stage.gd")
@@ -49,7 +50,7 @@ const _ONLINE := {
 	Event.LOSE: LudusTraining.State.OFFLINE,
 }
 ## The event of each word that the trainer has for what it does.
-const EVENTS: Dictionary[String, Event] = {
+const EVENTS: Dictionary[String, LudusGuidedTraining.Event] = {
 	"standby": Event.STAND_BY, "training": Event.TRAIN, "playing": Event.PLAY
 }
 
@@ -204,7 +205,7 @@ func lose(reason: String) -> void:
 
 
 ## Goes on to what follows an event, see [constant NEXT_STATES].
-func advance(event: Event) -> void:
+func advance(event: LudusGuidedTraining.Event) -> void:
 	var next: LudusTraining.State = NEXT_STATES[state].get(event, state)
 	if next == state:
 		return

@@ -35,13 +35,13 @@ const _SAC_ONLY: Array[StringName] = [
 const _NUMBERS: Array[StringName] = [&"learning_rate", &"discount", &"frame_stack"]
 
 ## How the policy learns.
-@export var algorithm: Algorithm = Algorithm.TRAINER_CHOOSES:
+@export var algorithm: LudusPolicySettings.Algorithm = Algorithm.TRAINER_CHOOSES:
 	set(value):
 		algorithm = value
 		notify_property_list_changed()
 ## Whether the policy learns from the start. The game may change it later with
 ## [code]Ludus.set_policy_mode()[/code].
-@export var mode: Mode = Mode.TRAIN
+@export var mode: LudusPolicySettings.Mode = Mode.TRAIN
 ## Step size of the optimiser; negative: the trainer's choice.
 @export_range(-1.0, 1.0, 0.00001, "or_greater") var learning_rate: float = UNSET
 ## Worth of a reward one step later, 0 to 1; negative: the trainer's choice.
@@ -53,7 +53,7 @@ const _NUMBERS: Array[StringName] = [&"learning_rate", &"discount", &"frame_stac
 ## The same of the critic; empty: as [member hidden_sizes].
 @export var critic_hidden_sizes: PackedInt32Array = []
 ## Non-linearity between the layers.
-@export var activation: Activation = Activation.TRAINER_CHOOSES
+@export var activation: LudusPolicySettings.Activation = Activation.TRAINER_CHOOSES
 ## Observations that the network sees together, the last ones of the episode: 4 show how things
 ## move; 1: the newest only, negative: the trainer's choice.
 @export_range(-1, 64, 1, "or_greater") var frame_stack: int = -1

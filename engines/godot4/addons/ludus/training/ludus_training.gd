@@ -12,7 +12,7 @@ extends Node
 ## without the custom feature [code]ludus[/code], the node does nothing.
 
 ## Emitted when the trainer has come, gone, or begun something else.
-signal state_changed(state: State)
+signal state_changed(state: LudusTraining.State)
 ## Emitted with all that the trainer tells, after every update and a few times a second (PROTOCOL.md
 ## §8).
 signal status_changed(status: Dictionary)
@@ -86,7 +86,7 @@ const FORMER_NAMES: Dictionary[StringName, StringName] = {
 @export_range(1, 65535) var port: int = LudusWire.DEFAULT_PORT
 
 ## What goes on.
-var state: State:
+var state: LudusTraining.State:
 	get:
 		return State.OFFLINE if _guided == null else _guided.state
 ## What the trainer told last.

@@ -35,7 +35,7 @@ const _SEED_FACTOR := -7046029254386353131
 const _EPISODE_FACTOR := -4658895280553007687
 
 ## How copies are kept apart.
-@export var layout: Layout = Layout.ISOLATED:
+@export var layout: LudusWorld.Layout = Layout.ISOLATED:
 	set(value):
 		layout = value
 		update_configuration_warnings()
@@ -43,7 +43,7 @@ const _EPISODE_FACTOR := -4658895280553007687
 ## An axis with 0 is not used. All zero: 100 metres on x and z, or in 2D twice the window's size.
 @export var spacing: Vector3 = Vector3.ZERO
 ## When an episode ends.
-@export var episode_mode: Episode = Episode.AGENT
+@export var episode_mode: LudusWorld.Episode = Episode.AGENT
 ## Ticks that pass between a reset and the first observation. Isolated layout only.
 @export_range(0, 10000) var settle_ticks: int = 0:
 	set(value):

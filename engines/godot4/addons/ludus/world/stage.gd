@@ -23,7 +23,7 @@ var has_pictures: bool = false
 ## Between copies in the grid.
 var _distance := Vector3.ZERO
 var _spaces: Array[SubViewport] = []
-var _views: Views
+var _views: LudusViews
 var _num_worlds: int = 1
 var _first_world: int = 0
 var _layout_name: String = "scene"
@@ -293,7 +293,7 @@ func _add_space(is_seen: bool) -> SubViewport:
 
 func _add_seen_space() -> SubViewport:
 	if _views == null:
-		_views = Views.new(_num_views)
+		_views = LudusViews.new(_num_views)
 		add_child(_views)
 	var viewport := _views.add_view()
 	viewport.own_world_3d = true
@@ -347,7 +347,7 @@ static func _axes(root: Node, spacing: Vector3) -> PackedInt32Array:
 ##
 ## A view of a world that shares the space of the first looks as the first view does, as far away
 ## from there as the worlds are apart. That is for 2D only: in 3D worlds in a grid see each other.
-class Views:
+class LudusViews:
 	extends GridContainer
 	var _followed: Dictionary[SubViewport, LudusWorld] = {}
 	var _first: LudusWorld
