@@ -271,7 +271,7 @@ def test_a_game_may_have_classes_with_the_names_of_our_types(make_game: MakeGame
     listed = (f"res://{path.relative_to(game).as_posix()}" for path in scripts)
     (game / "scripts.txt").write_text("\n".join(listed))
     types = re.compile(r"^(?:enum|class) ((?!Ludus)\w+)", re.MULTILINE)
-    names = {name for path in scripts for name in types.findall(path.read_text())}
+    names = {name for path in addon.rglob("*.gd") for name in types.findall(path.read_text())}
     assert "State" in names
     for name in names:
         (game / f"{name}.gd").write_text(f"class_name {name}\nextends Node\n")

@@ -13,6 +13,7 @@ enum State {
 }
 
 const LudusArguments := preload("res://addons/ludus/bridge/arguments.gd")
+## This script: a type without it is first the game's global class of that name.
 const LudusGreeting := preload("res://addons/ludus/bridge/greeting.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 

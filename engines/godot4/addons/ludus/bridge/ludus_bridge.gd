@@ -18,7 +18,7 @@ signal training_status(status: Dictionary)
 signal policy_mode_changed(policy: String, mode: LudusBridge.PolicyMode)
 
 ## What the bridge does in the next tick.
-enum LudusPhase {
+enum Phase {
 	START,  ## Look for a trainer.
 	MANUAL,  ## No trainer: people play.
 	STEPPING,  ## The ticks of a step pass.
@@ -32,6 +32,8 @@ enum LudusPhase {
 }
 
 const LudusArguments := preload("res://addons/ludus/bridge/arguments.gd")
+## This script: a type without it is first the game's global class of that name.
+const LudusBridgeNode := preload("res://addons/ludus/bridge/ludus_bridge.gd")
 const LudusCall := preload("res://addons/ludus/bridge/call.gd")
 const LudusCeiling := preload("res://addons/ludus/bridge/ceiling.gd")
 const LudusGame := preload("res://addons/ludus/world/game.gd")
@@ -51,8 +53,8 @@ const NOT_TRAINABLE := (
 	"exported without the feature `ludus`: " + "add it to the preset's custom features"
 )
 ## Phases in which a person who watches may hold time.
-const PLAYED_PHASES: Array[LudusPhase] = [
-	LudusPhase.STEPPING, LudusPhase.MANUAL, LudusPhase.STANDING_BY
+const PLAYED_PHASES: Array[LudusBridgeNode.Phase] = [
+	Phase.STEPPING, Phase.MANUAL, Phase.STANDING_BY
 ]
 
 ## Plays agents that have a [LudusPolicy] while no trainer is there.
@@ -60,7 +62,7 @@ var player := LudusPolicyPlayer.new()
 ## Training that the game guides; see [LudusTraining].
 var guided: LudusGuidedTraining
 
-var _phase: LudusPhase = LudusPhase.START
+var _phase: LudusBridgeNode.Phase = Phase.START
 var _arguments: LudusArguments
 var _link: LudusLink
 var _controls: LudusPlayControls
@@ -130,7 +132,7 @@ func _physics_process(_delta: float) -> void:
 		return
 	var now := Time.get_ticks_usec()
 	match _phase:
-		LudusPhase.STEPPING:
+		Phase.STEPPING:
 			_engine_us += now - _left_us
 			_num_ticks += 1
 			_ticks_left -= 1
@@ -138,36 +140,36 @@ func _physics_process(_delta: float) -> void:
 				_repeat(now)
 			else:
 				_finish_step(now)
-		LudusPhase.HELD:
+		Phase.HELD:
 			get_tree().paused = false
 			_game.release()
 			if _hold_or_answer():
 				_serve()
-		LudusPhase.SETTLING:
+		Phase.SETTLING:
 			_num_ticks += 1
 			if _stage.advance_settling():
 				_answer()
 				_serve()
 			elif not _stage.error.is_empty():
 				_fail("game", _stage.error)
-		LudusPhase.CEILING:
+		Phase.CEILING:
 			if _ceiling.advance():
 				_send(_ceiling.result_frame())
 				_serve()
-		LudusPhase.MANUAL:
+		Phase.MANUAL:
 			player.advance()
 			_manual.advance()
-		LudusPhase.WAITING:
+		Phase.WAITING:
 			if not guided.is_silent_frame():
 				get_tree().paused = false
 				_serve()
-		LudusPhase.STANDING_BY:
+		Phase.STANDING_BY:
 			player.advance()
 			_manual.advance()
 			_serve()
-		LudusPhase.PASSING:
+		Phase.PASSING:
 			_serve()
-		LudusPhase.START:
+		Phase.START:
 			_start()
 	_left_us = Time.get_ticks_usec()
 
@@ -241,7 +243,7 @@ func _hold_or_answer() -> bool:
 		return false
 	if not _game.is_held():
 		return _settle_or_answer()
-	_phase = LudusPhase.HELD
+	_phase = Phase.HELD
 	get_tree().paused = true
 	return false
 
@@ -251,7 +253,7 @@ func _settle_or_answer() -> bool:
 	if worlds.is_empty():
 		_answer()
 		return true
-	_phase = LudusPhase.SETTLING
+	_phase = Phase.SETTLING
 	_stage.begin_settling(worlds)
 	return false
 
@@ -283,10 +285,10 @@ func _send(frame: PackedByteArray) -> void:
 
 ## Takes requests until one lets time pass.
 func _serve() -> void:
-	while _link != null and _phase != LudusPhase.ENDED:
+	while _link != null and _phase != Phase.ENDED:
 		var asked := Time.get_ticks_usec()
 		if _requests.is_guided and not guided.poll(_link):
-			_phase = LudusPhase.STANDING_BY if guided.is_standing_by else LudusPhase.WAITING
+			_phase = Phase.STANDING_BY if guided.is_standing_by else Phase.WAITING
 			return
 		if not _link.receive():
 			_fail("" if _link.error.is_empty() else "frame", _link.error)
@@ -339,7 +341,7 @@ func _handle_step() -> bool:
 		_controls.ticks_per_step = _ticks_left
 	_engine_us = 0
 	_batch_flags = 0
-	_phase = LudusPhase.STEPPING
+	_phase = Phase.STEPPING
 	return true
 
 
@@ -361,11 +363,11 @@ func _handle_call() -> bool:
 	var call := LudusCall.new(_link.payload)
 	if call.is_ceiling():
 		_ceiling = call.make_ceiling(_game)
-		_phase = LudusPhase.CEILING
+		_phase = Phase.CEILING
 		_has_reset = false
 		return true
 	if call.is_frame_passed():
-		_phase = LudusPhase.PASSING
+		_phase = Phase.PASSING
 		_send(call.answer_nothing())
 		return true
 	if call.is_stand_by():
@@ -379,7 +381,7 @@ func _handle_call() -> bool:
 
 
 func _start() -> void:
-	_phase = LudusPhase.MANUAL
+	_phase = Phase.MANUAL
 	_manual = LudusManualPlay.new()
 	if not LudusBridge.is_trainable() and _arguments.play_scene.is_empty():
 		if _arguments.has_trainer():
@@ -404,7 +406,7 @@ func _start() -> void:
 
 
 func _guide(link: LudusLink) -> void:
-	if _phase != LudusPhase.MANUAL:
+	if _phase != Phase.MANUAL:
 		link.close()
 		guided.lose("the game is being trained already")
 		return
@@ -451,12 +453,12 @@ func _end(message: String) -> void:
 	if guided.is_guiding():
 		_go_on_without_trainer(message)
 		return
-	_phase = LudusPhase.ENDED
+	_phase = Phase.ENDED
 	get_tree().quit(0 if message.is_empty() else 1)
 
 
 func _go_on_without_trainer(message: String) -> void:
-	_phase = LudusPhase.MANUAL
+	_phase = Phase.MANUAL
 	_has_reset = false
 	_requests.close()
 	_metrics = LudusMetrics.new()

@@ -28,6 +28,7 @@ enum ResetAction {
 }
 
 ## A trainer of protocol 1 proves nothing, and is not taken.
+## This script: a type without it is first the game's global class of that name.
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 const PROTOCOL_MIN := 2
 const PROTOCOL_MAX := 2

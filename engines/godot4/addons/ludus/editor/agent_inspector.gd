@@ -9,11 +9,11 @@ func _can_handle(object: Object) -> bool:
 
 
 func _parse_begin(object: Object) -> void:
-	add_custom_control(Summary.new(object as LudusAgent))
+	add_custom_control(LudusSummary.new(object as LudusAgent))
 
 
 ## The text of one agent. It follows the agent, its sensors and its scripts by looking again.
-class Summary:
+class LudusSummary:
 	extends Label
 
 	const PERIOD_S := 0.5

@@ -21,6 +21,7 @@ enum Event {
 }
 
 const LudusGamePace := preload("res://addons/ludus/training/game_pace.gd")
+## This script: a type without it is first the game's global class of that name.
 const LudusGuidedTraining := preload("res://addons/ludus/training/guided_training.gd")
 const LudusLink := preload("res://addons/ludus/bridge/link.gd")
 const LudusRequests := preload("res://addons/ludus/bridge/requests.gd")
