@@ -140,7 +140,11 @@ def _limit(recording: Recording, origin: str) -> Finding:
             num_cut += int((batch.truncated & (lengths == limit)).sum())
             lengths[has_ended] = 0
     if not num_cut:
-        return info(title, "not checked: no episode lasted that long", "play more steps: --steps")
+        return info(
+            title,
+            "not checked: no episode lasted that long",
+            "play more steps, --steps, unless random play ends every episode earlier",
+        )
     return ok(title, f"episodes that reached the limit: {num_cut}", num_truncated=num_cut)
 
 
