@@ -1,4 +1,4 @@
-"""``--device``: trained on a GPU where there is one, refused with a reason where there is none."""
+"""``--device``: trained on a GPU where that is faster, refused with a reason where none is."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ from pathlib import Path
 import pytest
 import torch
 
+from ludus.algorithms.learners import make_learners
 from ludus.cli.main import main
 from ludus.networks.device import choose_device
+from ludus.pool import PoolConfig, open_pool
+from ludus.settings.train_config import PPOConfig, TrainConfig
 
 HAS_CUDA = torch.cuda.is_available()
 SIZES = ["--num-worlds", "4", "--num-engines", "1", "--evaluation-episodes", "1", "--name", "run"]
@@ -36,15 +39,25 @@ def test_training_on_a_gpu(
     assert json.loads(capsys.readouterr().out)["policies"]
 
 
-def test_a_machine_without_a_gpu_says_so(
+def test_a_gpu_that_is_not_there_is_refused_with_a_reason(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    assert main(["train", "gym:CartPole-v1", "--device", "cuda", *SIZES]) == 2
+    assert main(["train", "gym:CartPole-v1", "--device", "cuda:99", *SIZES]) == 2
     shown = capsys.readouterr().err
-    assert "device cuda cannot be used: " in shown
+    assert "device cuda:99 cannot be used: " in shown
     assert "--device cpu always works" in shown
+
+
+@pytest.mark.cuda
+@pytest.mark.parametrize(
+    "hidden_sizes, device", [((), "cpu"), ((4096, 4096), "cuda")], ids=["small", "large"]
+)
+def test_auto_takes_the_faster_device(hidden_sizes: tuple[int, ...], device: str) -> None:
+    config = TrainConfig(policies={"agent": PPOConfig(hidden_sizes=hidden_sizes)})
+    with open_pool("gym:CartPole-v1", PoolConfig(num_worlds=16)) as pool:
+        learners = make_learners(config, pool)
+    assert learners["agent"].policy.device.type == device
 
 
 def test_auto_takes_what_there_is() -> None:

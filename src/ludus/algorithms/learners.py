@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 import torch
 
+from ludus.algorithms.device_trial import faster_device, for_a_trial
 from ludus.algorithms.imitation import Cloning, Imitation, OnCloning
 from ludus.algorithms.learner import Learner, LearnerSettings
 from ludus.algorithms.ppo import PPO
@@ -21,6 +22,7 @@ from ludus.networks.policy import Policy
 from ludus.pool.interface import Pool
 from ludus.settings.policy_config import PolicyConfig, PPOConfig
 from ludus.settings.train_config import TrainConfig
+from ludus.spec import PolicySpec
 
 __all__ = ["MakeLearner", "OwnParts", "make_learners", "policy_seed"]
 
@@ -116,31 +118,49 @@ def _make_learner(
     *,
     on_cloning: OnCloning | None,
 ) -> Learner:
-    spec = pool.policies[name]
     settings = config.policies[name]
-    device = choose_device(config.device)
+    network, make_own = own.networks.get(name), own.learners.get(name)
     about = LearnerSettings(
         engine_rows=[pool.rows(name, engine) for engine in range(pool.num_engines)],
         seed=policy_seed(config.seed or 0, name),
-        is_mixed=uses_bfloat16(config, device),
-        is_compiled=config.compile,
     )
     with cast(Any, torch.random).fork_rng(devices=[]):
+        device = choose_device(config.device)
+        if config.device == "auto" and device.type == "cuda" and make_own is None:
+            device = _faster_device(pool.policies[name], config, network, about)
+        is_mixed = uses_bfloat16(config, device)
+        about = replace(about, is_mixed=is_mixed, is_compiled=config.compile)
         cast(Any, torch).manual_seed(about.seed)
-        policy = Policy(spec, settings, own.networks.get(name)).to(device)
+        policy = Policy(pool.policies[name], settings, network).to(device)
         if demonstrations is not None and isinstance(settings, PPOConfig):
             length = settings.sequence_length
             imitation = Imitation(policy, demonstrations, config.imitation, length)
             if on_cloning is not None:
                 imitation.clone(policy, about.seed, on_cloning)
             about = replace(about, imitation=imitation)
-        if name in own.learners:
-            return _checked(own.learners[name](policy, settings, about), name)
-        if isinstance(settings, PPOConfig):
-            return PPO(policy, settings, about)
-        from ludus.algorithms.sac import SAC
+        if make_own is not None:
+            return _checked(make_own(policy, settings, about), name)
+        return _learner(policy, settings, about)
 
-        return SAC(policy, settings, about)
+
+def _faster_device(
+    spec: PolicySpec, config: TrainConfig, network: MakeNetwork | None, about: LearnerSettings
+) -> torch.device:
+    settings = for_a_trial(config.policies[spec.name], about.engine_rows[-1].stop)
+
+    def make(device: torch.device) -> Learner:
+        policy = Policy(spec, settings, network).to(device)
+        return _learner(policy, settings, replace(about, is_mixed=uses_bfloat16(config, device)))
+
+    return faster_device(spec, about.engine_rows, make)
+
+
+def _learner(policy: Policy, settings: PolicyConfig, about: LearnerSettings) -> Learner:
+    if isinstance(settings, PPOConfig):
+        return PPO(policy, settings, about)
+    from ludus.algorithms.sac import SAC
+
+    return SAC(policy, settings, about)
 
 
 def _checked(learner: object, policy: str) -> Learner:

@@ -140,8 +140,8 @@ class TrainConfig(GameConfig):
         track: Also send metrics to Weights & Biases (wandb), MLflow (mlflow) or Trackio (trackio).
         runs: Folder in which run folders are made.
         name: Name of the run folder; if empty, it is the target with date and time.
-        device: PyTorch device of networks and updates, such as cpu or cuda; auto is cuda if it is
-            available.
+        device: PyTorch device of networks and updates, such as cpu or cuda; auto tries both for
+            each policy where there is a GPU, and takes the faster.
         precision: "bfloat16" computes updates in mixed precision, "float32" does not; auto mixes
             on cuda only.
         compile: Compile the networks' updates with torch.compile; takes a minute at the start.
