@@ -46,6 +46,21 @@ def test_contradictions_are_refused(
     assert reason in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("no_screen")
+@pytest.mark.parametrize(
+    "command", [["play"], ["play", "--headless"], ["play", "--random"], ["evaluate", "--random"]]
+)
+def test_a_policy_file_is_no_game(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "hero.ludus.json"
+    file.touch()
+    assert main([*command, str(file)]) == 2
+    error = capsys.readouterr().err
+    assert f"{file} is a policy file, and {command[0]} needs a game" in error
+    assert "ludus evaluate GAME --policy FILE" in error
+
+
 @pytest.mark.engine
 def test_random_play_without_a_window_prints_returns(
     capsys: pytest.CaptureFixture[str],

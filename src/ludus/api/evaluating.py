@@ -93,7 +93,7 @@ def evaluate(
     config = _config(target, is_run, paths, {"num_engines": 1, **settings})
     torch.set_num_threads(config.torch_threads)
     with contextlib.ExitStack() as stack:
-        source = pool or stack.enter_context(open_training_pool(config))
+        source = pool or stack.enter_context(open_training_pool(config, command="evaluate"))
         if policy == RANDOM:
             act = random_player(source, seed)
         else:

@@ -20,8 +20,8 @@ __all__ = ["check_seeds"]
 RNG_HINT = "draw all random numbers from LudusWorld.of(self).rng, and do not read the clock"
 SHARED_HINT = "the copies share something: a static variable, an autoload, a group, get_tree().root"
 SAME_START_HINT = (
-    "the game uses no randomness, or does not draw it from LudusWorld.rng; then all worlds play "
-    "the same episodes"
+    "fine if the game draws from LudusWorld.rng only later in the episode; if it uses no "
+    "randomness, or draws it elsewhere, all worlds play the same episodes"
 )
 ROUNDING = 1e-3
 """In units of an element's usual size."""

@@ -24,7 +24,7 @@ class CheckCommand(BridgeFlags, CheckConfig):
     Exits with 1 if anything failed, with 0 otherwise.
 
     A game of a legacy bridge takes the settings of the bridge as flags, too, such as
-    --action-space "Discrete(2)"; docs/targets.md lists them.
+    --action-space "Discrete(2)"; the page "Targets" of the docs lists them.
 
     Attributes:
         json: Print one JSON object on stdout.

@@ -21,7 +21,7 @@ class EvaluateCommand(ActionFlags, GameFlags):
     """Play complete episodes with trained agents, or at random, and report their returns.
 
     A game of a legacy bridge takes the settings of the bridge as flags, too, such as
-    --action-space "Discrete(2)"; docs/targets.md lists them.
+    --action-space "Discrete(2)"; the page "Targets" of the docs lists them.
 
     Attributes:
         run: Run folder, whose newest checkpoint is used, or one of its checkpoints; with --policy

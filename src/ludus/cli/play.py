@@ -63,11 +63,12 @@ def run(command: PlayCommand) -> int:
     from ludus.errors import ConfigError
     from ludus.play.interactive import play_by_hand, play_episodes, require_screen
     from ludus.play.players import load_player, random_player
-    from ludus.target import find_run
+    from ludus.target import check_accepted, find_run, parse_target
 
+    stochastic = command.choose()
+    check_accepted("play", parse_target(command.target))
     target = Path(command.target)
     is_trained = find_run(target) is not None
-    stochastic = command.choose()
     if command.in_engine and (command.random or not is_trained):
         raise ConfigError(
             "--in-engine needs the trained agents of a run",

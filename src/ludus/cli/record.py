@@ -25,7 +25,7 @@ class RecordCommand(BridgeFlags, ActionFlags, RecordConfig):
     screen, Ludus uses Xvfb. With a run folder, the agents trained there play.
 
     A game of a legacy bridge takes the settings of the bridge as flags, too, such as
-    --action-space "Discrete(2)"; docs/targets.md lists them.
+    --action-space "Discrete(2)"; the page "Targets" of the docs lists them.
 
     Attributes:
         policy: Run folder or checkpoint of trained agents; or policy files (.ludus.json), each with

@@ -52,7 +52,7 @@ class TrainCommand(_Unchecked, BridgeFlags, TrainConfig):
     Ctrl-C saves and stops.
 
     A game of a legacy bridge takes the settings of the bridge as flags, too, such as
-    --action-space "Discrete(2)"; docs/targets.md lists them.
+    --action-space "Discrete(2)"; the page "Targets" of the docs lists them.
 
     Attributes:
         target: What to train in: an example, a project folder, a scene, an exported game, an

@@ -35,7 +35,7 @@ _NEEDS_A_GAME = (
 )
 _NEEDS_NO_POLICY = (
     "{target} is a policy file, and {command} needs a game",
-    "ludus record GAME --policy FILE plays one",
+    "ludus evaluate GAME --policy FILE lets it play, and ludus record GAME --policy FILE films it",
 )
 _NOT_OURS_TO_FILM = (
     "{target} is a game that somebody else starts, whose window cannot be filmed",

@@ -334,19 +334,22 @@ def _evaluate(
     return evaluation
 
 
-def open_training_pool(config: TrainConfig, log_dir: Path | None = None) -> EnginePool:
+def open_training_pool(
+    config: TrainConfig, log_dir: Path | None = None, command: str = "train"
+) -> EnginePool:
     """Open the pool that the settings of a run ask for; close it when done.
 
     Args:
         config: Target, worlds, engines and what goes with them.
         log_dir: Where engines leave their output; None keeps it with the system's logs.
+        command: What the user asked for.
 
     Raises:
-        TargetError: There is no such target, or it cannot be trained.
+        TargetError: There is no such target, or the command does not take it.
         EngineError: The engine did not start.
     """
     target = parse_target(config.target, scene=config.scene, godot=config.godot)
-    check_accepted("train", target)
+    check_accepted(command, target)
     return open_pool(target, PoolConfig.of(config, log_dir=log_dir))
 
 
