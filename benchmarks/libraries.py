@@ -140,9 +140,12 @@ def rllib() -> None:
 
     ray.init(address="local", num_cpus=2, include_dashboard=False, log_to_driver=False)
 
-    def runner(kind: Any, worlds: int, steps: int) -> Turn:
+    def runner(kind: Any, worlds: int, steps: int, engines: int = 1) -> Turn:
+        settings: dict[str, Any] = {"target": "ball_chase"}
+        if engines > 1:
+            settings |= {"num_engines": engines, "num_worlds": worlds // engines}
         config: Any = PPOConfig()
-        config = config.environment(LudusMultiAgentEnv, env_config={"target": "ball_chase"})
+        config = config.environment(LudusMultiAgentEnv, env_config=settings)
         config = config.env_runners(num_env_runners=0, num_envs_per_env_runner=worlds)
         config = config.multi_agent(policies={"chaser"}, policy_mapping_fn=policy_of)
         own = kind(config=config, worker_index=0)
@@ -163,6 +166,11 @@ def rllib() -> None:
         "ball_chase",
         ("LudusEnvRunner with 32 worlds", runner(LudusEnvRunner, 32, 32)),
         ("MultiAgentEnvRunner with 1", runner(MultiAgentEnvRunner, 1, 32)),
+    )
+    compare(
+        "ball_chase",
+        ("LudusEnvRunner with 2 engines of 32 worlds", runner(LudusEnvRunner, 64, 32, 2)),
+        ("MultiAgentEnvRunner with 8", runner(MultiAgentEnvRunner, 8, 32)),
     )
     ray.shutdown()
 
