@@ -173,10 +173,7 @@ mod tests {
 
     #[test]
     fn what_was_reported_is_the_golden_request() {
-        let file = concat!(
-            env!("CARGO_MANIFEST_DIR"),
-            "/tests/golden/result_requests_metrics.json"
-        );
+        let file = "tests/golden/result_requests_metrics.json";
         let golden: Value = serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap();
         let (mut one, is_refused) = opened();
         let (mut two, _) = opened();

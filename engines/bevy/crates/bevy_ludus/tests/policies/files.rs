@@ -22,7 +22,7 @@ pub const NAMES: [&str; 11] = [
 ];
 
 pub fn folder() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/golden/policies")
+    PathBuf::from("tests/golden/policies")
 }
 
 /// Returns a golden policy.
