@@ -23,7 +23,7 @@ _log = logging.getLogger(__name__)
 NUM_TRIALS = 3
 """Timed rounds of each device, after one that warms it up; the quickest counts."""
 _HOPELESS = 4.0
-"""A device that takes so many times as long in its first round gets no second one."""
+"""A CPU whose first round takes this many times as long as the GPU's best is tried no further."""
 
 
 def faster_device(
@@ -78,16 +78,14 @@ def seconds_per_update(
     spec: PolicySpec,
     engine_rows: list[slice],
     limit_s: float = math.inf,
-    num_trials: int = NUM_TRIALS,
 ) -> float:
-    """Return how long a learner takes for the steps between two updates and for the update.
+    """Return the seconds that a learner takes to play until its next update, and for the update.
 
     Args:
         learner: A new one.
         spec: Its policy's.
         engine_rows: Slots of each engine.
-        limit_s: Stop once that long has passed in the first round, and return that.
-        num_trials: Rounds after the first; the quickest counts.
+        limit_s: A first round that takes longer is broken off, and the time until then returned.
     """
     random = np.random.default_rng(0)
     batches = [_random_batch(spec, rows.stop - rows.start, random) for rows in engine_rows]
@@ -96,7 +94,7 @@ def seconds_per_update(
     first = _play_and_learn(learner, batches, limit_s)
     if first > limit_s:
         return first
-    return min(_play_and_learn(learner, batches, math.inf) for _ in range(num_trials))
+    return min(_play_and_learn(learner, batches, math.inf) for _ in range(NUM_TRIALS))
 
 
 def _play_and_learn(learner: Learner, batches: list[Batch], limit_s: float) -> float:

@@ -345,7 +345,7 @@ def open_training_pool(
         command: What the user asked for.
 
     Raises:
-        TargetError: There is no such target, or the command does not take it.
+        TargetError: The target does not exist, or this command cannot open it.
         EngineError: The engine did not start.
     """
     target = parse_target(config.target, scene=config.scene, godot=config.godot)

@@ -27,9 +27,9 @@ enum ResetAction {
 	SEED,
 }
 
-## A trainer of protocol 1 proves nothing, and is not taken.
 ## This script: a type without it is first the game's global class of that name.
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
+## A trainer of protocol 1 proves nothing, and is not taken.
 const PROTOCOL_MIN := 2
 const PROTOCOL_MAX := 2
 const ADDON_VERSION := "0.1.0"
