@@ -134,6 +134,8 @@ class LegacySession:
         if not self._is_in_flight:
             raise SequenceError("nothing to receive", hint="call reset() or send() first")
         self._is_in_flight = False
+        for world in self._worlds:  # costs nothing while the game plays
+            world.clear_outcome()
         with self._close_on_error:
             outcome = self._game.receive()
             answered_ns = time.perf_counter_ns()

@@ -10,8 +10,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ludus.errors import ActionError, ConfigError, GameError
+from ludus.spec.finite import all_finite_fast
 
-__all__ = ["check_space", "max_message_bytes", "to_action_list", "to_observation"]
+__all__ = ["check_space", "max_message_bytes", "to_action_list", "to_array", "to_observation"]
 
 _KNOWN = (spaces.Discrete, spaces.Box, spaces.MultiDiscrete, spaces.MultiBinary)
 _BYTES_PER_NUMBER = 64
@@ -48,7 +49,7 @@ def to_action_list(space: spaces.Space[Any], action: Any) -> Any:
     """
     if isinstance(space, spaces.Discrete):
         return [_one_of(space, action)]
-    return _numbers(space, action, _action_error).tolist()
+    return _checked(*_shape_and_dtype(space), action, _action_error).tolist()
 
 
 def _one_of(space: spaces.Discrete, action: Any) -> int:
@@ -74,18 +75,19 @@ def to_observation(space: spaces.Space[Any], value: Any, name: str) -> Any:
     Raises:
         GameError: It has another shape, or holds something that is not a finite number.
     """
-    if not isinstance(space, spaces.Discrete):
-        return _numbers(space, value, lambda what: _game_error(name, what))
-    numbers = _checked((1,), np.dtype(np.int64), value, lambda what: _game_error(name, what))
-    return numbers[0]
+    if isinstance(space, spaces.Discrete):
+        return to_array((1,), np.dtype(np.int64), value, name)[0]
+    return to_array(*_shape_and_dtype(space), value, name)
 
 
-def _numbers(
-    space: spaces.Space[Any], value: Any, error: Callable[[str], Exception]
-) -> NDArray[Any]:
-    shape = space.shape
-    assert shape is not None
-    return _checked(shape, cast("np.dtype[Any]", space.dtype), value, error)
+def to_array(shape: tuple[int, ...], dtype: np.dtype[Any], value: Any, name: str) -> NDArray[Any]:
+    """Return lists of numbers that the game sent as an array; errors as :func:`to_observation`."""
+    return _checked(shape, dtype, value, lambda what: _game_error(name, what))
+
+
+def _shape_and_dtype(space: spaces.Space[Any]) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    assert space.shape is not None
+    return space.shape, cast("np.dtype[Any]", space.dtype)
 
 
 def _checked(
@@ -104,7 +106,7 @@ def _checked(
         raise error(f"shape {list(array.shape)} instead of {list(shape)}")
     with np.errstate(over="ignore"):
         cast_array = array.astype(dtype) if dtype.kind == "f" else array
-    if not np.isfinite(cast_array).all():
+    if not (all_finite_fast((cast_array,)) or np.isfinite(cast_array).all()):
         place = tuple(int(i) for i in np.argwhere(~np.isfinite(cast_array))[0])
         raise error(f"{array[place]} at {list(place)}")
     if dtype.kind in "iu":

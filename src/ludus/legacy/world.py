@@ -58,7 +58,7 @@ class LegacyWorld:
         self.batch.active[:] = True
 
     def clear_outcome(self) -> None:
-        """Set reward and ends to nothing, as in the answer to a reset."""
+        """Set reward and ends to nothing, as in the answer to a reset and before one to a step."""
         clear_outcome(self.batch)
 
     def write_actions(self, actions: Mapping[str, ActionBatch], into: list[Any]) -> None:
@@ -77,7 +77,7 @@ class LegacyWorld:
             into[place] = element if is_active else None
 
     def take(self, outcome: Outcome) -> bool:
-        """Write down what a step led to.
+        """Write down what a step led to, after :meth:`clear_outcome`.
 
         Returns:
             Whether all agents have ended and wait, so that :meth:`begin` is next.
@@ -89,7 +89,6 @@ class LegacyWorld:
         for part in outcome:
             if part is not None:
                 self._check_count(part)
-        clear_outcome(self.batch)
         finals = self._note_ends(outcome)
         if self._is_restarting:
             self._restart(outcome.active)
@@ -158,10 +157,11 @@ class LegacyWorld:
                 except _MISFITS as error:
                     raise _does_not_fit(row, error) from error
             raise
+        are_all = len(rows) == self._num_agents  # as a rule, and quicker to write than some
         for name, values in entries.items():
-            self.batch.observation[name][rows] = values
+            self.batch.observation[name][slice(None) if are_all else rows] = values
         if finals:
-            places = np.searchsorted(rows, finals)
+            places = finals if are_all else np.searchsorted(rows, finals)
             write_finals(self.batch, finals, {name: of[places] for name, of in entries.items()})
             waiting = [row for row in finals if not self._is_active[row]]
             for values in self.batch.observation.values():

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from ludus.errors import GameError
 from ludus.legacy.gdrl.messages import EnvInfo
-from ludus.legacy.spaces import to_observation
+from ludus.legacy.spaces import to_array
 from ludus.wire.json_object import JsonObject
 
 __all__ = ["Entry", "PolicyAgents", "group_agents"]
@@ -52,13 +51,13 @@ class Entry:
         """
         if self.is_image:
             return np.stack([self._read_image(value) for value in values])
-        shape, kind = self.space.shape, cast(Any, self.space.dtype)
+        shape, dtype = self.space.shape, cast("np.dtype[Any]", self.space.dtype)
         if self.num_choices:
-            shape, kind = (), np.int64
+            shape, dtype = (), np.dtype(np.int64)
             values = [_single(value) for value in values]
-        space = _unbounded((len(values), *shape), kind)
         try:
-            numbers = to_observation(space, values, f"the observation {self.name}")
+            shape = (len(values), *shape)
+            numbers = to_array(shape, dtype, values, f"the observation {self.name}")
         except GameError as error:
             raise GameError(error.message, _HINT) from error
         return self._one_hot(numbers) if self.num_choices else numbers
@@ -122,12 +121,6 @@ class PolicyAgents:
                 raise GameError(f"an observation has no entry {entry.name!r}", _HINT) from error
             found[entry.name] = entry.read(values)
         return found
-
-
-@lru_cache
-def _unbounded(shape: tuple[int, ...], dtype: Any) -> spaces.Box:
-    """Return a box, which costs more to make than an observation to read."""
-    return spaces.Box(-np.inf, np.inf, shape, dtype)
 
 
 def group_agents(info: EnvInfo) -> list[PolicyAgents]:

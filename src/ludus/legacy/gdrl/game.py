@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 from gymnasium import spaces
 
 from ludus.legacy.conversation import Conversation
@@ -100,7 +99,7 @@ class GdrlGame(LegacyGame):
         self._conversation.send(
             action_request(
                 [
-                    self._idle[row] if action is None else _to_json(action)
+                    self._idle[row] if action is None else action
                     for row, action in enumerate(actions)
                 ]
             )
@@ -126,13 +125,6 @@ class GdrlGame(LegacyGame):
         if self._conversation.is_open:
             self._conversation.say_goodbye(CLOSE_REQUEST, _QUIT_S)
         self._conversation.close()
-
-
-def _to_json(action: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        name: value.tolist() if isinstance(value, np.ndarray) else value
-        for name, value in action.items()
-    }
 
 
 def _idle_action(space: spaces.Dict) -> dict[str, Any]:

@@ -23,6 +23,8 @@ from dataclasses import dataclass
 from reprlib import repr as short
 from typing import Any, cast
 
+import numpy as np
+
 from ludus.errors import ActionError, GameError, ProtocolError
 from ludus.wire.godot_json import parse_godot_json
 from ludus.wire.json_object import JsonObject
@@ -57,7 +59,7 @@ _HINT = (
     "Ludus's own add-on take no prefix"
 )
 
-_encode = json.JSONEncoder(allow_nan=False).encode
+_encode = json.JSONEncoder(allow_nan=False, default=np.ndarray.tolist).encode
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ def action_request(actions: Sequence[Mapping[str, Any]]) -> bytes:
     """Return the request for one step.
 
     Args:
-        actions: Per agent and component an integer, or a list of numbers.
+        actions: Per agent and component an integer, or numbers as a list or an array.
 
     Raises:
         ActionError: A number is not finite.
