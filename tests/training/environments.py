@@ -73,6 +73,25 @@ class Masked(Identity):
         return self.mask
 
 
+class Changing(gymnasium.Env[Any, Any]):
+    """Pays an action unlike the last one: drawn ones earn half, the same one again nothing."""
+
+    observation_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
+    action_space = spaces.Discrete(2)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        super().reset(seed=seed)
+        self.steps, self.last = 0, None
+        return np.zeros(1, np.float32), {}
+
+    def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        is_other = self.last is not None and int(action) != self.last
+        self.steps, self.last = self.steps + 1, int(action)
+        return np.zeros(1, np.float32), float(is_other), self.steps >= LENGTH, False, {}
+
+
 class Pictures(gymnasium.Env[Any, Any]):
     """Identity by pictures: the bright half tells the action; one step an episode."""
 
@@ -230,6 +249,7 @@ def register() -> None:
     for kind in ("discrete", "multi_discrete", "continuous"):
         add(f"Identity-{kind}-v0", Identity, kwargs={"kind": kind})
     add("Masked-v0", Masked)
+    add("Changing-v0", Changing)
     add("Pictures-v0", Pictures)
     add("Poisoned-v0", Poisoned)
     add("Lottery-v0", Lottery)

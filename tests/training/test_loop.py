@@ -19,13 +19,15 @@ import pytest
 import torch
 
 from ludus.errors import CheckpointError, DivergenceError, EngineCrashed, RunError
+from ludus.play.evaluation import Evaluation
 from ludus.runs.checkpoint import Checkpoint, read_checkpoint
 from ludus.runs.metrics import METRICS, POLICY_METRICS, read_metrics
 from ludus.runs.run_folder import RunFolder
 from ludus.session.gymnasium_session import GymnasiumSession
-from ludus.training import loop
+from ludus.training import final_evaluation
 from ludus.training.loop import train
 from ludus.training.progress import Progress, SilentReporter
+from ludus.training.trainer import Trainer
 
 ROOT = Path(__file__).parents[2]
 SAC_METRICS = {
@@ -60,7 +62,7 @@ def test_leaves_a_complete_folder(small: Any) -> None:
 def test_a_run_whose_episodes_never_end_is_whole(
     small: Any, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(loop, "ENDLESS_STEPS", 50)
+    monkeypatch.setattr(final_evaluation, "ENDLESS_STEPS", 50)
     result = train(small("gym:Endless-v0", evaluation_episodes=2))
     assert (result.stop_reason, result.agent_steps, result.evaluation) == ("total_steps", 640, {})
     assert (
@@ -258,6 +260,59 @@ def test_limits_stop_the_run(small: Any) -> None:
     result = train(small(name="r", target_return=-1.0, return_window=5))
     assert result.stop_reason == "target_return"
     assert result.agent_steps < 640
+
+
+def test_a_target_that_only_drawn_actions_reach_does_not_end_training(
+    small: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    config = small("gym:Changing-v0", target_return=2.0, return_window=8, evaluation_episodes=8)
+    result = train(config)
+    assert (result.stop_reason, result.agent_steps) == ("total_steps", 640)
+    assert result.evaluation["agent"].mean_return == 0.0
+    said = "target_return 2 is reached in training, and 0 ± 0 in an evaluation: training goes on"
+    assert said in caplog.text
+    unchecked = train(replace(config, evaluation_episodes=0, name="unchecked"))
+    assert unchecked.stop_reason == "target_return"
+
+
+def test_training_goes_on_until_an_evaluation_reaches_the_target(
+    small: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    played: list[float] = []
+
+    def evaluate(*arguments: Any, **named: Any) -> dict[str, Evaluation]:
+        found = play(*arguments, **named)
+        played.append(found["agent"].mean_return)
+        return found if len(played) > 2 else {"agent": Evaluation.of([-50.0, -51.0], [8, 8])}
+
+    play = final_evaluation.evaluate
+    monkeypatch.setattr(final_evaluation, "evaluate", evaluate)
+    config = small(target_return=0.0, return_window=8, evaluation_episodes=8)
+    result = train(config)
+    assert (result.stop_reason, len(played)) == ("target_return", 3)
+    assert result.agent_steps == 3 * 64  # each time as many more as it takes to end 8 episodes
+    assert result.evaluation["agent"].mean_return == played[-1]
+    saved = json.loads((result.path / "evaluation.json").read_bytes())
+    assert saved["agent"]["mean_return"] == played[-1]
+
+
+def test_a_run_that_is_killed_after_an_evaluation_that_fell_short_is_trained_further(
+    small: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bad = {"agent": Evaluation.of([-50.0, -51.0], [8, 8])}
+
+    def die(*_: Any, **__: Any) -> Any:
+        raise KeyboardInterrupt
+
+    config = small(target_return=0.0, return_window=8, evaluation_episodes=8)
+    with monkeypatch.context() as patch:
+        patch.setattr(final_evaluation, "evaluate", lambda *_, **__: bad)
+        patch.setattr(Trainer, "_forget_returns", die)
+        with pytest.raises(KeyboardInterrupt):
+            train(config)
+    result = train(config, resume=config.runs / config.name)
+    assert result.stop_reason == "target_return"
+    assert result.evaluation["agent"].mean_return >= 0.0
 
 
 @pytest.mark.slow

@@ -124,7 +124,8 @@ class TrainConfig(GameConfig):
         total_steps: Agent steps after which training ends.
         max_time_s: Seconds of training after which it ends, those before it was resumed included;
             no limit if not given.
-        target_return: Training ends when the mean return of every policy reaches this.
+        target_return: Training ends when the mean return of every policy reaches this, and with one
+            policy, the evaluation reaches it too, but for chance.
         return_window: Number of episodes that the mean return covers.
         checkpoint_every_s: Seconds between checkpoints; with none, only checkpoint_every_updates
             counts.

@@ -79,6 +79,7 @@ class TerminalReporter:
         """Show progress, a few times per second at most."""
         self._note_returns(progress)
         if self._is_due():
+            self._start_view()
             line = progress_line(progress, self._share(progress))
             self._show(self._picture(progress), Text(line))
 

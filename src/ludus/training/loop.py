@@ -23,8 +23,7 @@ from ludus.datasets import require_minari
 from ludus.disk import plain_file_opener
 from ludus.engine.output import count_errors
 from ludus.errors import CheckpointError, DivergenceError, RunError, UsageError
-from ludus.play.evaluation import MAX_STEPS, Evaluation, evaluate
-from ludus.play.players import trained_player
+from ludus.play.evaluation import Evaluation
 from ludus.pool import EnginePool, Pool, PoolConfig, open_pool
 from ludus.printing import PrintableFormatter
 from ludus.runs.checkpoint import Checkpoint, checkpoint_errors, resume_spec
@@ -36,6 +35,7 @@ from ludus.settings.merging import Layer, Resolved, changes_since, merge, python
 from ludus.settings.train_config import TrainConfig
 from ludus.target import check_accepted, parse_target
 from ludus.training.callback import RunCallback
+from ludus.training.final_evaluation import FinalEvaluation
 from ludus.training.hooks import Hooks, Training
 from ludus.training.interrupt import Interrupts
 from ludus.training.progress import Reporter, RunResult, SilentReporter, StopReason
@@ -48,8 +48,6 @@ log = logging.getLogger(__name__)
 
 NUM_ERRORS = 5
 """Errors of the game that are named at the end of training."""
-ENDLESS_STEPS = 10_000
-"""Steps that the evaluation waits for episodes whose length nothing limits."""
 
 
 def train(
@@ -164,11 +162,12 @@ def _train_in(
     folder.write_config(config, resolved.origins)
     folder.forget_result()
     reporter.started(config, folder.path)
+    last = FinalEvaluation(trainer, learners, pool, reporter)
     try:
         with Interrupts() as interrupts:
             training = Training(trainer, folder, resolved.origins)
             callback = RunCallback(trainer, pool, training, parts.hooks)
-            stop_reason = trainer.run(interrupts.is_stopping, reporter, callback)
+            stop_reason = trainer.run(interrupts.is_stopping, reporter, callback, last.is_confirmed)
     except DivergenceError:
         write_result(trainer, folder, "diverged")
         raise
@@ -180,11 +179,10 @@ def _train_in(
     write_result(trainer, folder, stop_reason)
     title = f"{config.target or folder.path.name}"
     draw_learning_curve(folder.metrics, folder.learning_curve, title)
-    evaluation: dict[str, Evaluation] = {}
-    if stop_reason != "interrupted" and config.evaluation_episodes:
-        reporter.evaluating(config.evaluation_episodes)
-        trainer.finish_lessons()
-        evaluation = _evaluate(learners, pool, config, folder)
+    evaluation = last.play() if stop_reason != "interrupted" else {}
+    if evaluation:
+        saved = {name: asdict(of) for name, of in evaluation.items()}
+        folder.write_json(folder.evaluation.name, saved)
         trainer.compare(evaluation)
         write_result(trainer, folder, stop_reason, evaluation)
     return _result(trainer, folder, stop_reason, signum=interrupts.signum, evaluation=evaluation)
@@ -313,25 +311,6 @@ def _check_cluster(config: TrainConfig, pool: Pool | None, own: OwnParts) -> Non
             "networks of a script stay in the script's process, and cannot act on a cluster",
             "leave out cluster, or use Ludus's own networks (hidden_sizes, memory_size)",
         )
-
-
-def _evaluate(
-    learners: Mapping[str, Learner], pool: Pool, config: TrainConfig, folder: RunFolder
-) -> dict[str, Evaluation]:
-    policies = {name: learner.policy for name, learner in learners.items()}
-    seed = (config.seed or 0) + 1_000_003  # worlds that training did not begin with
-    has_limits = all(policy.max_episode_steps for policy in pool.policies.values())
-    max_steps = MAX_STEPS if has_limits else ENDLESS_STEPS
-    num_episodes = config.evaluation_episodes
-    try:
-        act = trained_player(policies, pool, seed)
-        evaluation = evaluate(act, pool, num_episodes, seed=seed, max_steps=max_steps)
-    except RunError as error:
-        # The run itself is whole; an agent that has learned to survive may play for ever.
-        log.warning("no evaluation: %s; %s", error.message, error.hint)
-        return {}
-    folder.write_json(folder.evaluation.name, {name: asdict(of) for name, of in evaluation.items()})
-    return evaluation
 
 
 def open_training_pool(

@@ -87,7 +87,7 @@ class Reporter(Protocol):
         ...
 
     def evaluating(self, episodes: int) -> None:
-        """Training is over; the evaluation begins."""
+        """An evaluation begins: training is over, or ends if this one reaches ``target_return``."""
         ...
 
     def finished(self, result: RunResult) -> None:

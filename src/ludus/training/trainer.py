@@ -195,6 +195,7 @@ class Trainer:
         is_stopping: Callable[[], bool],
         reporter: Reporter,
         callback: TrainerCallback,
+        is_confirmed: Callable[[], bool] = lambda: True,
     ) -> StopReason:
         """Train until a limit of the config is reached or a stop is requested.
 
@@ -205,6 +206,8 @@ class Trainer:
             is_stopping: Asked before each step.
             reporter: Shows progress.
             callback: Handles requests.
+            is_confirmed: Asked when the returns of training have reached ``target_return``, with
+                worlds that it may play in; False goes on for ``return_window`` more episodes.
 
         Raises:
             DivergenceError: A loss became NaN or infinite.
@@ -222,7 +225,7 @@ class Trainer:
                 reason = "stopped"
             else:
                 self._reset()
-                reason = self._loop(is_stopping, reporter, callback, metrics)
+                reason = self._loop(is_stopping, reporter, callback, metrics, is_confirmed)
         except DivergenceError as error:
             raise self._save_diverged(error) from None
         except Exception:  # of an engine, a script's callback, the disk, or a defect
@@ -240,8 +243,9 @@ class Trainer:
         reporter: Reporter,
         callback: TrainerCallback,
         metrics: MetricsLog,
+        is_confirmed: Callable[[], bool],
     ) -> StopReason:
-        while (reason := self.reason_to_stop()) is None:
+        while (reason := self._reached_limit(is_confirmed)) is None:
             start, steps_before = time.perf_counter(), self.agent_steps
             times = replace(self._workers.times)
             interruption = self._collect(is_stopping, callback)
@@ -335,11 +339,14 @@ class Trainer:
         ]
         if not self._lessons.advance(self.agent_steps, returns):
             return False
-        for tracker in self._trackers.values():  # returns of different lessons do not compare
-            tracker.returns.clear()
-            tracker.lengths.clear()
+        self._forget_returns()  # those of different lessons do not compare
         self._teach()
         return True
+
+    def _forget_returns(self) -> None:
+        for tracker in self._trackers.values():
+            tracker.returns.clear()
+            tracker.lengths.clear()
 
     def finish_lessons(self) -> None:
         """Give the worlds the parameters of the last lesson, from the next reset on."""
@@ -408,6 +415,19 @@ class Trainer:
             for tracker in self._trackers.values()
         )
         return "target_return" if is_there else None
+
+    def _reached_limit(self, is_confirmed: Callable[[], bool]) -> StopReason | None:
+        """Return :meth:`reason_to_stop`, but a target only where it is confirmed."""
+        reason = self.reason_to_stop()
+        if reason != "target_return":
+            return reason
+        self.save()
+        if is_confirmed():
+            return reason
+        self._forget_returns()
+        self._pool.take_metrics()  # of what was played meanwhile
+        self._reset()
+        return None
 
     # --- measuring ------------------------------------------------------------------------------
 
