@@ -6,7 +6,7 @@
 # make test-cluster  training on a Ray cluster of several nodes on this machine
 # make test-editor  the panel in Godot's editor, on a screen or a virtual one
 # make test-bevy   everything in Rust, and the Python tests with Bevy games; needs Cargo
-# make campaign    random faults against training runs, for MINUTES (1) from SEED (0)
+# make campaign    random faults against training runs, for MINUTES (1) from SEED (0); make campaign-cluster on Ray, once
 # make lint        formatters, linters and the type checker of every language
 # make docs        the documentation site, in build/docs; make docs-serve shows it in a browser
 # make web         the trained cart-pole for the site's front page, in build/web; needs Cargo and its target for the web
@@ -44,7 +44,7 @@ ifneq ($(RUSTUP),)
 export RUSTUP_HOME ?= $(RUSTUP)
 endif
 
-.PHONY: setup demo test test-libraries test-cluster test-editor test-fast campaign test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples addon-zip web bench compare clean
+.PHONY: setup demo test test-libraries test-cluster test-editor test-fast campaign campaign-cluster test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples addon-zip web bench compare clean
 .DELETE_ON_ERROR:
 
 setup: .venv/.ready
@@ -157,7 +157,7 @@ test-libraries: renderers $(LIBRARIES)/.ready
 	$(LIBRARIES)/all/bin/pytest -m 'libraries and not bevy' || failed=1; \
 	exit $$failed
 
-# One cluster for all of its tests.
+# Each file has one cluster for all of its tests.
 test-cluster: renderers $(LIBRARIES)/.ready
 	$(LIBRARIES)/all/bin/pytest -m cluster tests/workers
 
@@ -170,6 +170,10 @@ MINUTES ?= 1
 SEED ?= 0
 campaign: renderers
 	$(BIN)/python -m tests.campaign --minutes $(MINUTES) --seed $(SEED)
+
+# One round on a Ray cluster of its own.
+campaign-cluster: renderers $(LIBRARIES)/.ready
+	$(LIBRARIES)/all/bin/python -m tests.campaign --faults nodes --engines gym --seed $(SEED) --round 0
 
 # One after the other: Cargo lets nobody else build meanwhile.
 test-bevy: cargo renderers $(LIBRARIES)/.ready

@@ -1,3 +1,4 @@
 from tests.training.fixtures import one_thread
+from tests.workers.ray_cluster import cluster
 
-__all__ = ["one_thread"]
+__all__ = ["cluster", "one_thread"]
