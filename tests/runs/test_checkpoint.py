@@ -3,6 +3,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -202,11 +203,42 @@ def test_full_disk_leaves_older_checkpoints_alone(
     assert store.newest()[1].agent_steps == 1
 
 
-def test_another_spec_is_refused() -> None:
-    entry = ObservationEntry("o", "float32", (2,))
-    policy = PolicySpec("hero", (entry,), (DiscreteAction("a", 2),), (AgentSpec(0, "a"),))
-    check_spec({"hero": policy.fingerprint()}, {"hero": policy}, Path("c"))
-    with pytest.raises(CheckpointError, match="other observations or actions of policy hero"):
-        check_spec({"hero": "other"}, {"hero": policy}, Path("c"))
-    with pytest.raises(CheckpointError, match="has no policy hero; it has target"):
-        check_spec({"target": "x"}, {"hero": policy}, Path("c"))
+def policy(*observation: ObservationEntry, has_mask: bool = False, num: int = 2) -> PolicySpec:
+    agents = (AgentSpec(0, "a"),)
+    return PolicySpec("hero", observation, (DiscreteAction("move", num),), agents, 1, has_mask)
+
+
+RAYS, EYES = ObservationEntry("rays", "float32", (8,)), ObservationEntry("eyes", "uint8", (2, 2, 3))
+
+
+@pytest.mark.parametrize(
+    ("now", "change"),
+    [
+        (policy(EYES), "there is no observation rays any more"),
+        (policy(RAYS, EYES, replace(RAYS, name="night")), "the observation night is new"),
+        (
+            policy(replace(RAYS, shape=(16,)), EYES),
+            "of the observation rays, shape[0] is 16 instead of 8",
+        ),
+        (policy(EYES, RAYS), "the observations come in another order: eyes, rays"),
+        (policy(RAYS, EYES, num=3), "of the action move, n is 3 instead of 2"),
+        (policy(RAYS, EYES), "there are no action masks any more"),
+    ],
+)
+def test_what_has_changed_since_training_is_named(now: PolicySpec, change: str) -> None:
+    trained = policy(RAYS, EYES, has_mask=True)
+    saved = replace(
+        checkpoint(),
+        specs={"hero": trained.to_json()},
+        fingerprints={"hero": trained.fingerprint()},
+    )
+    check_spec(saved, {"hero": trained}, Path("c"))
+    with pytest.raises(CheckpointError) as caught:
+        check_spec(saved, {"hero": now}, Path("c"))
+    said = f"c was trained for other observations or actions of policy hero: {change}"
+    assert caught.value.message == said
+
+
+def test_a_checkpoint_of_other_policies_is_refused() -> None:
+    with pytest.raises(CheckpointError, match="c has no policy target; it has hero"):
+        check_spec(checkpoint(), {"target": policy(RAYS)}, Path("c"))

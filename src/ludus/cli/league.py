@@ -118,7 +118,7 @@ def _play(
     with Console(stderr=True).status("opening the game") as status:
         pool = open_training_pool(config)
         try:
-            check_spec(checkpoint.fingerprints, pool.policies, path)
+            check_spec(checkpoint, pool.policies, path)
             return play_tournament(
                 league_players,
                 pool,

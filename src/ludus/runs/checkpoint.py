@@ -202,16 +202,15 @@ def _read_tensors(path: Path, name: str, sha256: object) -> dict[str, Tensor]:
         return load_safetensors(data)
 
 
-def check_spec(
-    fingerprints: Mapping[str, str], policies: Mapping[str, PolicySpec], path: Path
-) -> None:
+def check_spec(checkpoint: Checkpoint, policies: Mapping[str, PolicySpec], path: Path) -> None:
     """Refuse a checkpoint that was trained for other observations or actions.
 
     One from before the game had action masks passes, with a warning.
 
     Raises:
-        CheckpointError: It names the policy.
+        CheckpointError: It names the policy, and what has changed.
     """
+    fingerprints = checkpoint.fingerprints
     hint = "use the scene and version it was trained in, or start a new run"
     if missing := sorted(policies.keys() - fingerprints.keys()):
         raise CheckpointError(
@@ -221,20 +220,21 @@ def check_spec(
         if policy.was_unmasked(fingerprints[name]):
             log.warning("policy %s of %s was trained without the game's action masks", name, path)
         elif fingerprints[name] != policy.fingerprint():
-            raise CheckpointError(
-                f"{path} was trained for other observations or actions of policy {name}", hint
-            )
+            text = f"{path} was trained for other observations or actions of policy {name}"
+            with checkpoint_errors(path):
+                change = policy.change_since(checkpoint.specs[name])
+            raise CheckpointError(f"{text}: {change}" if change else text, hint)
 
 
-def resume_spec(fingerprints: Mapping[str, str], pool: Pool, path: Path) -> None:
+def resume_spec(checkpoint: Checkpoint, pool: Pool, path: Path) -> None:
     """As :func:`check_spec`; a run that began without action masks goes on without them.
 
     Raises:
         CheckpointError: It was trained for other observations or actions.
     """
-    check_spec(fingerprints, pool.policies, path)
+    check_spec(checkpoint, pool.policies, path)
     for name, policy in pool.policies.items():
-        if policy.was_unmasked(fingerprints[name]):
+        if policy.was_unmasked(checkpoint.fingerprints[name]):
             pool.ignore_masks(name)
 
 

@@ -68,7 +68,7 @@ def load_policies(
             other observations or actions.
     """
     path, checkpoint = find_checkpoint(Path(run))
-    check_spec(checkpoint.fingerprints, policies, path)
+    check_spec(checkpoint, policies, path)
     makers = networks or {}
     return {
         name: _load(checkpoint, spec, makers.get(name), path) for name, spec in policies.items()

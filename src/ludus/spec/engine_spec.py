@@ -215,6 +215,25 @@ class PolicySpec:
         """Return whether a network of ``fingerprint`` fits in all but the masks it never saw."""
         return self.has_action_mask and fingerprint == self.without_mask().fingerprint()
 
+    def change_since(self, trained: Mapping[str, Any]) -> str:
+        """Return in words the first change since a spec whose JSON was saved; empty if none shows.
+
+        Only what :meth:`fingerprint` covers counts.
+        """
+        for kind, parts in (("observation", self.observation), ("action", self.action)):
+            now = {part.name: part.to_json() for part in parts}
+            before = {part["name"]: part for part in trained[kind]}
+            for name in [*before, *now]:
+                if name not in now:
+                    return f"there is no {kind} {name} any more"
+                if name not in before:
+                    return f"the {kind} {name} is new"
+                if change := _json_difference(before[name], now[name], ""):
+                    return f"of the {kind} {name}, {change}"
+            if [*now] != [*before]:
+                return f"the {kind}s come in another order: {', '.join(now)}"
+        return "" if self.has_action_mask else "there are no action masks any more"
+
     def fingerprint(self) -> str:
         """Return a hash of everything that a trained network depends on."""
         content = {

@@ -201,7 +201,7 @@ def _resume(
     """
 
     def take(path: Path, checkpoint: Checkpoint) -> tuple[Trainer, dict[str, Learner]]:
-        resume_spec(checkpoint.fingerprints, pool, path)
+        resume_spec(checkpoint, pool, path)
         changes = changes_since(checkpoint.config, config)
         texts = [f"{name} is {change}" for name, change in changes.items()]
         _refuse_other_algorithms(texts, path)

@@ -15,9 +15,7 @@ from __future__ import annotations
 
 import logging
 import shutil
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from ludus.disk import disk_errors
 from ludus.errors import CheckpointError
@@ -98,7 +96,7 @@ class AgentCheckpoints:
                 raise CheckpointError(f"{path} has {len(checkpoint.learners)} agents, expected one")
             (saved,) = checkpoint.learners
             with checkpoint_errors(path):
-                check_spec({agent.spec.name: checkpoint.fingerprints[saved]}, _specs(agent), path)
+                check_spec(checkpoint, {saved: agent.spec}, path)
                 agent.sac.load_state(checkpoint.learners[saved])
                 agent.num_steps = int(checkpoint.run["gradient_steps"])
             agent.num_transitions = checkpoint.agent_steps
@@ -144,10 +142,6 @@ def _remove(path: Path) -> None:
     with disk_errors(str(path)):
         doomed = path.rename(path.with_name(f".removed-{path.name}"))
     shutil.rmtree(doomed, ignore_errors=True)
-
-
-def _specs(agent: Agent) -> Mapping[str, Any]:
-    return {agent.spec.name: agent.spec}
 
 
 def _run_config(agent: Agent, project: Path, seed: int) -> TrainConfig:
