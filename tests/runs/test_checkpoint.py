@@ -214,14 +214,14 @@ RAYS, EYES = ObservationEntry("rays", "float32", (8,)), ObservationEntry("eyes",
 @pytest.mark.parametrize(
     ("now", "change"),
     [
-        (policy(EYES), "there is no observation rays any more"),
-        (policy(RAYS, EYES, replace(RAYS, name="night")), "the observation night is new"),
+        (policy(EYES), 'there is no observation "rays" any more'),
+        (policy(RAYS, EYES, replace(RAYS, name="night")), 'the observation "night" is new'),
         (
             policy(replace(RAYS, shape=(16,)), EYES),
-            "of the observation rays, shape[0] is 16 instead of 8",
+            'observation "rays": shape[0] is 16 instead of 8',
         ),
         (policy(EYES, RAYS), "the observations come in another order: eyes, rays"),
-        (policy(RAYS, EYES, num=3), "of the action move, n is 3 instead of 2"),
+        (policy(RAYS, EYES, num=3), 'action "move": n is 3 instead of 2'),
         (policy(RAYS, EYES), "there are no action masks any more"),
     ],
 )

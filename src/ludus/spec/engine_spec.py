@@ -225,11 +225,11 @@ class PolicySpec:
             before = {part["name"]: part for part in trained[kind]}
             for name in [*before, *now]:
                 if name not in now:
-                    return f"there is no {kind} {name} any more"
+                    return f'there is no {kind} "{name}" any more'
                 if name not in before:
-                    return f"the {kind} {name} is new"
+                    return f'the {kind} "{name}" is new'
                 if change := _json_difference(before[name], now[name], ""):
-                    return f"of the {kind} {name}, {change}"
+                    return f'{kind} "{name}": {change}'
             if [*now] != [*before]:
                 return f"the {kind}s come in another order: {', '.join(now)}"
         return "" if self.has_action_mask else "there are no action masks any more"
