@@ -119,9 +119,9 @@ test: renderers
 	$(PYTEST_PARALLEL) -m 'not alone and not bevy and not libraries and not cluster and not editor' || failed=1; \
 	exit $$failed
 
-# Of the examples that Hypothesis draws, the inner loop tries a fifth.
+# Of the examples that Hypothesis draws, the inner loop tries a fifth. Curves would load Matplotlib.
 test-fast: .venv/.ready
-	$(PYTEST_PARALLEL) --hypothesis-profile=fast -m 'not engine and not screen and not slow and not libraries and not cluster and not editor'
+	$(PYTEST_PARALLEL) --hypothesis-profile=fast -m 'not engine and not screen and not slow and not curve and not libraries and not cluster and not editor'
 
 # Environments of their own, as their packages pin each other. uv links files from its cache, PyTorch included.
 LIBRARIES := .venv/libraries

@@ -84,7 +84,11 @@ def test_a_gpu_that_fails_is_named_and_not_taken(caplog: pytest.LogCaptureFixtur
 
 @pytest.mark.parametrize(
     "config",
-    [PPOConfig(minibatch_size=32), PPOConfig(memory_size=8), SACConfig(batch_size=16)],
+    [
+        PPOConfig(minibatch_size=32),
+        PPOConfig(memory_size=8),
+        SACConfig(batch_size=16, report_steps=4),
+    ],
     ids=["ppo", "memory", "sac"],
 )
 def test_a_trial_plays_and_learns(config: PolicyConfig, monkeypatch: pytest.MonkeyPatch) -> None:
