@@ -299,14 +299,15 @@ def test_training_goes_on_until_an_evaluation_reaches_the_target(
 def test_a_run_that_is_killed_after_an_evaluation_that_fell_short_is_trained_further(
     small: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    bad = {"agent": Evaluation.of([-50.0, -51.0], [8, 8])}
+    def fall_short(*_: Any, **__: Any) -> dict[str, Evaluation]:
+        return {"agent": Evaluation.of([-50.0, -51.0], [8, 8])}
 
     def die(*_: Any, **__: Any) -> Any:
         raise KeyboardInterrupt
 
     config = small(target_return=0.0, return_window=8, evaluation_episodes=8)
     with monkeypatch.context() as patch:
-        patch.setattr(final_evaluation, "evaluate", lambda *_, **__: bad)
+        patch.setattr(final_evaluation, "evaluate", fall_short)
         patch.setattr(Trainer, "_forget_returns", die)
         with pytest.raises(KeyboardInterrupt):
             train(config)
