@@ -58,7 +58,8 @@ class FinalEvaluation:
             if of.mean_return + CHANCE_ERRORS * error < config.target_return:
                 log.warning(
                     "target_return %g is reached in training, and %g ± %.2g in an evaluation: "
-                    "training goes on (evaluation_episodes 0 leaves this out)", config.target_return, of.mean_return, error,
+                    "training goes on (evaluation_episodes 0 leaves this out)",
+                    config.target_return, of.mean_return, error,
                 )  # fmt: skip
                 return False
         self._found = found
