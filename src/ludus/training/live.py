@@ -175,6 +175,9 @@ class NotebookReporter(TerminalReporter):
         if self._has_started:
             self._show(summary_table(result))
 
+    def _start_view(self) -> None:
+        """Start none: Rich's would take what the cell prints, where ipykernel says FORCE_COLOR."""
+
     def _show(self, picture: RenderableType, line: Text | None = None) -> None:
         with self._console.capture() as text:
             self._console.print(picture)
