@@ -239,6 +239,14 @@ def test_what_has_changed_since_training_is_named(now: PolicySpec, change: str) 
     assert caught.value.message == said
 
 
+def test_a_change_that_does_not_show_is_refused_too() -> None:
+    now = policy(RAYS)
+    saved = replace(checkpoint(), specs={"hero": now.to_json()})  # of another fingerprint
+    with pytest.raises(CheckpointError) as caught:
+        check_spec(saved, {"hero": now}, Path("c"))
+    assert caught.value.message.endswith("observations or actions of policy hero")
+
+
 def test_a_checkpoint_of_other_policies_is_refused() -> None:
     with pytest.raises(CheckpointError, match="c has no policy target; it has hero"):
         check_spec(checkpoint(), {"target": policy(RAYS)}, Path("c"))

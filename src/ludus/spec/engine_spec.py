@@ -232,7 +232,8 @@ class PolicySpec:
                     return f'{kind} "{name}": {change}'
             if [*now] != [*before]:
                 return f"the {kind}s come in another order: {', '.join(now)}"
-        return "" if self.has_action_mask else "there are no action masks any more"
+        had_masks = trained["has_action_mask"] and not self.has_action_mask
+        return "there are no action masks any more" if had_masks else ""
 
     def fingerprint(self) -> str:
         """Return a hash of everything that a trained network depends on."""
