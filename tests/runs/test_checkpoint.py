@@ -214,7 +214,7 @@ RAYS, EYES = ObservationEntry("rays", "float32", (8,)), ObservationEntry("eyes",
 @pytest.mark.parametrize(
     ("now", "change"),
     [
-        (policy(EYES), 'there is no observation "rays" any more'),
+        (policy(EYES), 'the observation "rays" is gone'),
         (policy(RAYS, EYES, replace(RAYS, name="night")), 'the observation "night" is new'),
         (
             policy(replace(RAYS, shape=(16,)), EYES),
@@ -222,7 +222,7 @@ RAYS, EYES = ObservationEntry("rays", "float32", (8,)), ObservationEntry("eyes",
         ),
         (policy(EYES, RAYS), "the observations come in another order: eyes, rays"),
         (policy(RAYS, EYES, num=3), 'action "move": n is 3 instead of 2'),
-        (policy(RAYS, EYES), "there are no action masks any more"),
+        (policy(RAYS, EYES), "the game no longer sends action masks"),
     ],
 )
 def test_what_has_changed_since_training_is_named(now: PolicySpec, change: str) -> None:

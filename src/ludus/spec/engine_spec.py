@@ -225,15 +225,15 @@ class PolicySpec:
             before = {part["name"]: part for part in trained[kind]}
             for name in [*before, *now]:
                 if name not in now:
-                    return f'there is no {kind} "{name}" any more'
+                    return f'the {kind} "{name}" is gone'
                 if name not in before:
                     return f'the {kind} "{name}" is new'
                 if change := _json_difference(before[name], now[name], ""):
                     return f'{kind} "{name}": {change}'
             if [*now] != [*before]:
                 return f"the {kind}s come in another order: {', '.join(now)}"
-        had_masks = trained["has_action_mask"] and not self.has_action_mask
-        return "there are no action masks any more" if had_masks else ""
+        has_lost_masks = trained["has_action_mask"] and not self.has_action_mask
+        return "the game no longer sends action masks" if has_lost_masks else ""
 
     def fingerprint(self) -> str:
         """Return a hash of everything that a trained network depends on."""
