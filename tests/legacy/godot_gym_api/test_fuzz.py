@@ -17,7 +17,7 @@ from ludus.legacy.godot_gym_api.messages import decode_answer, encode_request
 from ludus.legacy.length_framing import LengthFraming
 from tests.legacy.godot_gym_api.compiled import WALK
 
-NUMBERS = st.integers() | st.floats()
+NUMBERS = st.integers(-(1 << 63), (1 << 63) - 1) | st.floats()
 JUNK: st.SearchStrategy[Any] = st.recursive(
     st.none() | st.booleans() | NUMBERS | st.text(max_size=5),
     lambda inner: (
