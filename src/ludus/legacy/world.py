@@ -13,6 +13,7 @@ from ludus.legacy.game import Declaration, Outcome
 from ludus.spec import AgentSpec, PolicySpec, Spec
 from ludus.spec.batch import ActionBatch, Batch
 from ludus.spec.batch_rows import actions_reader, clear_outcome, stacked, write_finals
+from ludus.spec.finite import all_finite_fast
 from ludus.spec.gymnasium_spec import read_action, read_observation
 
 __all__ = ["LegacyWorld", "num_agents_of", "read_declarations"]
@@ -65,13 +66,20 @@ class LegacyWorld:
         """Put an element of the action space at each agent's place; None for who has ended.
 
         Raises:
-            ActionError: There are none of the policy, or they have the wrong shape.
+            ActionError: There are none of the policy, they have the wrong shape, or one is not
+                finite.
         """
         own = actions.get(self._name)
         if own is None:
             raise ActionError(f"no actions for policy {self._name}")
         self._check_shape("discrete", own.discrete.shape, self._discrete_shape)
         self._check_shape("continuous", own.continuous.shape, self._continuous_shape)
+        if not (all_finite_fast((own.continuous,)) or np.isfinite(own.continuous).all()):
+            row = int(np.argwhere(~np.isfinite(own.continuous))[0, 0])
+            raise ActionError(
+                f"{self._name}.continuous: the action of agent {row} is not finite: "
+                f"{own.continuous[row].tolist()}"
+            )
         elements = self._to_actions(own.discrete, own.continuous)
         for place, is_active, element in zip(self._rows, self._is_active, elements, strict=True):
             into[place] = element if is_active else None

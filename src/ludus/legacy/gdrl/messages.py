@@ -16,7 +16,6 @@ Lists have one element per agent.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -24,8 +23,9 @@ from reprlib import repr as short
 from typing import Any, cast
 
 import numpy as np
+import orjson
 
-from ludus.errors import ActionError, GameError, ProtocolError
+from ludus.errors import GameError, ProtocolError
 from ludus.wire.godot_json import parse_godot_json
 from ludus.wire.json_object import JsonObject
 
@@ -58,8 +58,6 @@ _HINT = (
     "is what connected a game of Godot RL Agents? Plug-ins from 0.3 on are understood; games with "
     "Ludus's own add-on take no prefix"
 )
-
-_encode = json.JSONEncoder(allow_nan=False, default=np.ndarray.tolist).encode
 
 
 @dataclass(frozen=True)
@@ -96,20 +94,14 @@ def action_request(actions: Sequence[Mapping[str, Any]]) -> bytes:
     """Return the request for one step.
 
     Args:
-        actions: Per agent and component an integer, or numbers as a list or an array.
-
-    Raises:
-        ActionError: A number is not finite.
+        actions: Per agent and component an integer, or finite numbers as a list or an array.
     """
-    try:
-        return _encode({"type": "action", "action": actions}).encode()
-    except ValueError as error:
-        raise ActionError(f"the action is not finite: {short(actions)}") from error
+    return orjson.dumps({"type": "action", "action": actions}, default=np.ndarray.tolist)
 
 
 def call_request(method: str) -> bytes:
     """Return the request to call a method of every controller."""
-    return json.dumps({"type": "call", "method": method}).encode()
+    return orjson.dumps({"type": "call", "method": method})
 
 
 def is_env_info(message: bytes) -> bool:
