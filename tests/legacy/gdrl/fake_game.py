@@ -40,6 +40,8 @@ INTRODUCTIONS: dict[str, Any] = {
     "too_few": {**INFO, "n_agents": 3},
     "no_spaces": {"type": "env_info", "n_agents": 2},
     "differ": {**INFO, "action_space": [ACT, {"move": {"size": 3, "action_type": "continuous"}}]},
+    "sees_nothing": {**OLD, "observation_space": {}},
+    "does_nothing": {**OLD, "action_space": {}},
     "strange_kind": {**OLD, "action_space": {"move": {"size": 1, "action_type": "telepathy"}}},
     "strange_size": {**OLD, **_size([2, "many"])},
     "huge_size": {**OLD, **_size([1 << 20, 1 << 20])},

@@ -190,6 +190,33 @@ action_repeat = {TICKS}
 
 
 @pytest.mark.engine
+@pytest.mark.screen
+def test_cameras_draw_without_being_asked_to(project: Path) -> None:
+    """A game with them gets a renderer by itself; OpenGL's alpha channel is left out."""
+    write_scene(project / "seers.tscn", "seer")
+    config = ludus.PoolConfig(scene="res://seers.tscn", num_worlds=2)
+    with ludus.open_pool(str(project), config) as opened:
+        images = opened.reset(seed=1)["seer"].observation["camera_2d"]
+        assert images.shape == (2, 3, 4, 3)
+        for number in (1, 2):
+            move = ActionBatch(np.zeros((2, 0), np.int64), np.array([[1.0], [0.5]], np.float32))
+            images = opened.step({"seer": move})["seer"].observation["camera_2d"]
+            for image, place in zip(images, (number, 0.5 * number), strict=True):
+                assert np.unique(image.reshape(-1, 3), axis=0).tolist() == [[40 * place, 80, 160]]
+
+
+@pytest.mark.engine
+def test_an_unfinished_controller_is_named(project: Path) -> None:
+    (project / "unfinished.gd").write_text(
+        'extends "res://walker.gd"\nfunc get_action_space() -> Dictionary:\n\treturn {}\n'
+    )
+    write_scene(project / "unfinished.tscn", "unfinished")
+    config = ludus.PoolConfig(scene="res://unfinished.tscn")
+    with pytest.raises(TargetError, match=r"First .*get_action_space\(\) returns \{.*\}, expected"):
+        ludus.open_pool(str(project), config)
+
+
+@pytest.mark.engine
 def test_a_person_plays_a_controller_that_records_demonstrations(project: Path) -> None:
     (project / "probe.gd").write_text(PROBE)
     write_scene(project / "demo.tscn", "demonstrator")

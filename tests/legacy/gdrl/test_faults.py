@@ -80,6 +80,8 @@ def test_make_vec_has_the_agents_of_all_games() -> None:
         ("too_few", ProtocolError, "one element for each of 3 agents, got 2", "0.3"),
         ("no_spaces", ProtocolError, "observation_space: missing", "0.3"),
         ("differ", GameError, "agents 0 and 1 of policy one have different spaces", "policy_name"),
+        ("sees_nothing", GameError, r"declare nothing in get_obs_space\(\)", "at least one entry"),
+        ("does_nothing", GameError, r"declare nothing in get_action_space", "at least one entry"),
         ("strange_kind", ProtocolError, "move.action_type: expected one of", "0.3"),
         ("strange_size", ProtocolError, "size.*'many'", "0.3"),
         ("huge_size", ProtocolError, "size: expected whole numbers", "0.3"),

@@ -120,6 +120,18 @@ def test_any_image_is_checked(pixels: Any) -> None:
     assert first.tobytes() == bytes.fromhex(pixels)
 
 
+def test_a_picture_may_have_an_alpha_channel_that_the_game_does_not_declare() -> None:
+    """Godot's OpenGL renderer gives four channels, Vulkan three."""
+    space = {"camera_2d": {"size": [3, 1, 2], "space": "box"}}
+    told = {**INFO, "observation_space": [space, space]}
+    (policy,) = group_agents(read_env_info(encoded(told)))
+    images = policy.read([{"camera_2d": "010203ff040506ff"}, {"camera_2d": "010203040506"}])
+    assert images["camera_2d"].tolist() == [[[[1, 2, 3], [4, 5, 6]]]] * 2
+    with pytest.raises(GameError, match="has no picture") as error:
+        policy.read([{"camera_2d": None}])
+    assert "show_window" in error.value.hint
+
+
 @settings(max_examples=200)
 @given(choice=JUNK | st.integers(-1, 4))
 def test_any_discrete_observation_is_checked(choice: Any) -> None:

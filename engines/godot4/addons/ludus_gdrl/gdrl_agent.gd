@@ -4,9 +4,13 @@ extends LudusAgent
 ## The controller is the game's own copy of the original, of any version, so that it is asked by
 ## name.
 
+const LudusCameras := preload("res://addons/ludus/cameras/cameras.gd")
 const DEFAULT_POLICY := "shared_policy"
 ## Observations with this in their name are images, which come as hexadecimal digits.
 const IMAGE_MARK := "2d"
+
+## Tick in which cameras have drawn last: those of all agents do so together.
+static var _drawn_tick: int = -1
 
 var _controller: Node
 ## Number of values of each discrete entry of the observation.
@@ -31,8 +35,8 @@ func _init(controller: Node, ticks: int) -> void:
 	action_timing = ActionTiming.ONCE
 	var own_name: Variant = controller.get(&"policy_name")
 	policy_name = DEFAULT_POLICY if own_name == null else str(own_name)
-	_declare_observation(controller.call(&"get_obs_space"))
-	_declare_action(controller.call(&"get_action_space"))
+	_declare_observation(_space(&"get_obs_space"))
+	_declare_action(_space(&"get_action_space"))
 	controller.add_child(self)
 
 
@@ -48,6 +52,8 @@ func apply_action(decided: Variant) -> void:
 
 ## The observation: its only list of numbers, or all entries by name.
 func get_observation() -> Variant:
+	if is_in_group(LudusCameras.DRAWN_GROUP):
+		_draw_once()
 	var seen: Dictionary = _controller.call(&"get_obs")
 	if not _is_checked:
 		_is_checked = true
@@ -121,10 +127,37 @@ func _by_name(decided: Variant) -> Dictionary:
 
 func _convert(entry: LudusObservationEntry, value: Variant) -> Variant:
 	if value is String:
-		return (value as String).hex_decode()
+		return _opaque(entry, (value as String).hex_decode())
 	if _num_choices.has(entry.name):
 		return _one_hot(_num_choices[entry.name], value)
 	return _flatten(value) if value is Array and entry.shape.size() > 1 else value
+
+
+## Keeps the viewports of cameras drawn, which the engine leaves out where nobody sees the scene.
+func _let_draw() -> void:
+	var world := LudusWorld.find_above(_controller)
+	if world == null:
+		return
+	for viewport: SubViewport in world.root.find_children("*", "SubViewport", true, false):
+		viewport.render_target_update_mode = SubViewport.UPDATE_ALWAYS
+		add_to_group(LudusCameras.DRAWN_GROUP)
+
+
+static func _draw_once() -> void:
+	var tick := Engine.get_physics_frames()
+	if _drawn_tick != tick and LudusCameras.has_renderer():
+		_drawn_tick = tick
+		LudusCameras.draw_all()
+
+
+## The picture without the alpha channel that OpenGL draws, where the controller declares none.
+static func _opaque(entry: LudusObservationEntry, pixels: PackedByteArray) -> PackedByteArray:
+	var shape := entry.shape
+	if shape.size() != 3 or shape[2] != 3 or pixels.size() != 4 * shape[0] * shape[1]:
+		return pixels
+	var picture := Image.create_from_data(shape[1], shape[0], false, Image.FORMAT_RGBA8, pixels)
+	picture.convert(Image.FORMAT_RGB8)
+	return picture.get_data()
 
 
 static func _one_hot(num_choices: int, value: Variant) -> Variant:
@@ -147,6 +180,16 @@ static func _flatten(values: Array) -> Array:
 	return flat
 
 
+## What the controller declares: an unfinished one, or one whose script has failed, says nothing.
+func _space(method: StringName) -> Dictionary:
+	var space: Variant = _controller.call(method)
+	if space is Dictionary and not (space as Dictionary).is_empty():
+		return space
+	if _mistake.is_empty():
+		_mistake = "%s() returns %s, expected at least one entry" % [method, str(space)]
+	return {}
+
+
 func _declare_observation(space: Dictionary) -> void:
 	for key: String in space:
 		var part: Dictionary = space[key]
@@ -162,6 +205,7 @@ func _declare_observation(space: Dictionary) -> void:
 			entry.high = 1.0
 		elif IMAGE_MARK in key:
 			entry.dtype = LudusObservationEntry.DType.UINT8
+			_let_draw()
 			if shape.size() == 3:  # declared with the channels first, sent with them last
 				entry.shape = [shape[1], shape[2], shape[0]]
 		else:

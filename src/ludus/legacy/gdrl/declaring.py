@@ -24,6 +24,7 @@ _MAX_NAME = 64
 _IMAGE_MARK = "2d"
 """Observations with this in their name are images."""
 _HINT = "get_obs() must return what get_obs_space() of the AIController says"
+_NEEDS_WINDOW = "cameras draw only with show_window=True"
 
 
 @dataclass(frozen=True)
@@ -72,16 +73,20 @@ class Entry:
         return np.eye(self.num_choices, dtype=np.float32)[choices]
 
     def _read_image(self, value: Any) -> NDArray[np.uint8]:
+        if value is None:
+            raise GameError(f"the camera {self.name} has no picture", _NEEDS_WINDOW)
         shape = self.space.shape
         try:
             pixels = np.frombuffer(bytes.fromhex(value), np.uint8)
         except (TypeError, ValueError) as error:
             raise GameError(f"the image {self.name} is not hexadecimal: {error}", _HINT) from error
+        if shape[2:] == (3,) and pixels.size == 4 * math.prod(shape[:2]):  # drawn by OpenGL
+            return pixels.reshape(*shape[:2], 4)[:, :, :3]
         if pixels.size != math.prod(shape):
             raise GameError(
                 f"the image {self.name} has {pixels.size} bytes, expected {math.prod(shape)} "
                 f"({' x '.join(map(str, shape))})",
-                hint=f"{_HINT}; cameras draw only with show_window=True",
+                hint=f"{_HINT}; {_NEEDS_WINDOW}",
             )
         return pixels.reshape(shape)
 
@@ -141,6 +146,12 @@ def _group(info: EnvInfo, name: str, rows: tuple[int, ...]) -> PolicyAgents:
         PolicyAgents(name, rows, _entries(info.observations[row]), _actions(info.actions[row]))
         for row in rows
     ]
+    for what, parts in (("obs", found[0].entries), ("action", found[0].actions.spaces)):
+        if not parts:
+            raise GameError(
+                f"the agents of policy {name} declare nothing in get_{what}_space()",
+                hint=f"let get_{what}_space() of the AIController return at least one entry",
+            )
     for row, agents in zip(rows, found, strict=True):
         if agents != found[0]:
             raise GameError(

@@ -8,6 +8,9 @@ extends RefCounted
 const LudusCameraScenarios := preload("res://addons/ludus/cameras/camera_scenarios.gd")
 const LudusCameraView := preload("res://addons/ludus/cameras/camera_view.gd")
 
+## Nodes that need a renderer and are no cameras of ours, such as agents with sensors of another
+## add-on.
+const DRAWN_GROUP := &"ludus_drawn"
 ## What to do where there is no renderer.
 const HINT := (
 	"ludus engine install godot4 --rendering; where there is no screen, also Xvfb "
@@ -76,10 +79,17 @@ static func refresh() -> void:
 
 ## Returns why pictures cannot be drawn, naming a camera, or an empty text.
 static func find_problem() -> String:
-	if has_renderer() or not are_used():
+	if has_renderer():
 		return ""
-	var path := _views[0].path_in_world()
-	return "camera %s needs a renderer, and this engine runs without one" % path
+	var who := ""
+	if are_used():
+		who = "camera %s" % _views[0].path_in_world()
+	else:
+		var other := (Engine.get_main_loop() as SceneTree).get_first_node_in_group(DRAWN_GROUP)
+		if other == null:
+			return ""
+		who = str(other.get_path())
+	return "%s needs a renderer, and this engine runs without one" % who
 
 
 static func _draw() -> void:
@@ -93,6 +103,11 @@ static func _draw() -> void:
 	for view: LudusCameraView in _views:
 		if view.is_stale():
 			view.prepare(_scenario_of(view))
+	draw_all()
+
+
+## Draws a frame for agents alone.
+static func draw_all() -> void:
 	# A picture for an agent is no frame of the game; who waits for those shall not hear of it.
 	RenderingServer.set_block_signals(true)
 	RenderingServer.force_draw(false)
