@@ -1,6 +1,7 @@
 # make setup       virtual environment in .venv, package, Godot 4 and Godot 3
 # make demo        train the bundled CartPole in real Godot physics and evaluate it
 # make test        the Python, Godot 4 and Godot 3 tests, against the real engines
+# make test-training  whole trainings that have to reach a return, alone and on worker processes
 # make test-fast   the tests that start no engine, in about a minute
 # make test-libraries  SB3, PettingZoo, RLlib, TorchRL and three versions of Gymnasium, each in real Godot
 # make test-cluster  training on a Ray cluster of several nodes on this machine
@@ -44,7 +45,7 @@ ifneq ($(RUSTUP),)
 export RUSTUP_HOME ?= $(RUSTUP)
 endif
 
-.PHONY: setup demo test test-libraries test-cluster test-editor test-fast campaign campaign-cluster test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples addon-zip web bench compare clean
+.PHONY: setup demo test test-training test-libraries test-cluster test-editor test-fast campaign campaign-cluster test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples addon-zip web bench compare clean
 .DELETE_ON_ERROR:
 
 setup: .venv/.ready
@@ -115,9 +116,13 @@ ALONE = $$(grep -rl --include='test_*.py' 'mark\.alone' tests)
 # The last run names what was left out.
 test: renderers
 	@failed=0; set -x; \
-	$(BIN)/pytest -m 'alone and not bevy and not libraries and not cluster and not editor' $(ALONE) || failed=1; \
-	$(PYTEST_PARALLEL) -m 'not alone and not bevy and not libraries and not cluster and not editor' || failed=1; \
+	$(BIN)/pytest -m 'alone and not bevy and not training and not libraries and not cluster and not editor' $(ALONE) || failed=1; \
+	$(PYTEST_PARALLEL) -m 'not alone and not bevy and not training and not libraries and not cluster and not editor' || failed=1; \
 	exit $$failed
+
+# Who changes what learns waits for these; the others need not.
+test-training: renderers
+	$(PYTEST_PARALLEL) -m 'training and not bevy and not libraries'
 
 # Of the examples that Hypothesis draws, the inner loop tries a fifth. Curves would load Matplotlib.
 test-fast: .venv/.ready

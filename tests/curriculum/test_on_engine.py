@@ -47,6 +47,7 @@ def run(signposts: Path, runs: Path, *more: str) -> tuple[Path, float]:
 
 
 @pytest.mark.slow
+@pytest.mark.training
 def test_lessons_solve_what_ppo_alone_does_not(signposts: Path, tmp_path: Path) -> None:
     settings = tmp_path / "lessons.toml"
     settings.write_text(LESSONS)

@@ -94,6 +94,7 @@ def test_files_are_small_and_for_the_policy_they_are_named_after(game: str, poli
     assert read_model(path).policy == policy
 
 
+@pytest.mark.training
 def test_the_hero_finds_a_target_that_moves_at_random(tmp_path: Path, seeded_godot: Path) -> None:
     target = tmp_path / "target.ludus.json"
     write_untrained(target, "target", 251, ContinuousAction("move", 2))
@@ -101,12 +102,14 @@ def test_the_hero_finds_a_target_that_moves_at_random(tmp_path: Path, seeded_god
     assert np.mean(np.array(returns) > NOT_FOUND) >= 0.85
 
 
+@pytest.mark.training
 def test_the_target_gets_away_from_the_hero(seeded_godot: Path) -> None:
     hero = shipped("find_coin", "hero")
     returns = returns_of("find_coin", "target", {"hero": hero}, seeded_godot)
     assert np.mean(np.array(returns) < -NOT_FOUND) <= 0.55
 
 
+@pytest.mark.training
 def test_the_soldier_wins_against_zombies_that_move_at_random(
     tmp_path: Path, seeded_godot: Path
 ) -> None:

@@ -64,6 +64,7 @@ def test_overlapped_learning_learns_as_well(tmp_path: Path) -> None:
     assert result.evaluation["agent"].mean_return >= 7.6
 
 
+@pytest.mark.training
 def test_only_a_memory_recalls(tmp_path: Path) -> None:
     """The cue of the first step pays at the last one: by chance a quarter, with memory all."""
     ppo = {"learning_rate": 3e-3, "discount": 0.9}
@@ -74,6 +75,7 @@ def test_only_a_memory_recalls(tmp_path: Path) -> None:
     assert recalled.evaluation["agent"].mean_return >= 0.95
 
 
+@pytest.mark.training
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
 def test_only_several_frames_show_what_moves(algorithm: str, tmp_path: Path) -> None:
     """Of an episode of five steps four pay; without the frame before, half of those at best."""
@@ -90,6 +92,7 @@ def test_only_several_frames_show_what_moves(algorithm: str, tmp_path: Path) -> 
         assert low <= train(made).evaluation["agent"].mean_return <= high
 
 
+@pytest.mark.training
 def test_only_curiosity_climbs_to_a_reward_that_chance_does_not_reach(tmp_path: Path) -> None:
     ppo = {"rollout_steps": 32, "learning_rate": 3e-3}
     plain = train(config("Stairs-v0", tmp_path, 20_000, **ppo))

@@ -56,6 +56,7 @@ CONTROL: dict[str, Any] = {
 }  # fmt: skip
 
 
+@pytest.mark.training
 def test_pendulum_swings_up(tmp_path: Path) -> None:
     """At random about -1200; a good policy gets -150."""
     sac = {**CONTROL, "updates_per_step": 8.0, "discount": 0.98}
@@ -63,6 +64,7 @@ def test_pendulum_swings_up(tmp_path: Path) -> None:
     assert result.evaluation["agent"].mean_return >= -350.0
 
 
+@pytest.mark.training
 def test_cartpole_is_balanced(tmp_path: Path) -> None:
     """At random about 22 of 500."""
     result = train(config("CartPole-v1", tmp_path, 8_000, updates_per_step=4.0, **CONTROL))
@@ -83,11 +85,13 @@ def value_of(target: str, share: float, tmp_path: Path) -> float:
         return float(critic(torch.tensor([[share]]))[0, 0])
 
 
+@pytest.mark.training
 def test_truncation_is_bootstrapped(tmp_path: Path) -> None:
     """An endless task cut every 5 steps is worth r / (1 - gamma) = 10."""
     assert value_of("Truncated-v0", 0.5, tmp_path) == pytest.approx(10.0, rel=0.03)
 
 
+@pytest.mark.training
 def test_termination_is_not_bootstrapped(tmp_path: Path) -> None:
     """Five steps are worth (1 - gamma^5) / (1 - gamma) = 4.0951."""
     assert value_of("Terminated-v0", 0.0, tmp_path) == pytest.approx(4.0951, rel=0.03)

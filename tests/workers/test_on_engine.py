@@ -27,7 +27,7 @@ from tests.workers.test_process import nothing_left, workers
 
 __all__ = ["nothing_left", "pennies"]
 
-pytestmark = [pytest.mark.engine, pytest.mark.slow]
+pytestmark = [pytest.mark.engine, pytest.mark.slow, pytest.mark.training]
 
 
 def test_two_policies_that_take_turns_learn_the_same(

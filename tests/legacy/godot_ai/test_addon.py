@@ -296,6 +296,7 @@ def test_the_map_of_each_epoch_holds_in_its_round(
 
 
 @pytest.mark.slow
+@pytest.mark.training
 def test_it_learns_and_obeys_the_map(
     project: Path, log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
