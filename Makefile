@@ -120,9 +120,9 @@ test: renderers
 	$(PYTEST_PARALLEL) -m 'not alone and not bevy and not training and not libraries and not cluster and not editor' || failed=1; \
 	exit $$failed
 
-# Who changes what learns waits for these; the others need not.
+# Who changes what learns waits for these; the others need not. A busy machine may take its time.
 test-training: renderers
-	$(PYTEST_PARALLEL) -m 'training and not bevy and not libraries'
+	$(PYTEST_PARALLEL) --timeout=600 -m 'training and not bevy and not libraries'
 
 # Of the examples that Hypothesis draws, the inner loop tries a fifth. Curves would load Matplotlib.
 test-fast: .venv/.ready
