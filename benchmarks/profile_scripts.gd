@@ -9,6 +9,7 @@ extends SceneTree
 ## say what to look at.
 
 const MAIN_THREAD := 1
+const START_TIMEOUT_S := 60
 const WARM_UP_S := 4
 const MAX_PACKET_BYTES := 1 << 23
 const MAX_FUNCTIONS := 512
@@ -45,6 +46,9 @@ func _process(_delta: float) -> bool:
 	if _game == null:
 		if _server.is_connection_available():
 			_begin()
+		elif Time.get_ticks_msec() > 1000 * START_TIMEOUT_S:
+			printerr("no game connected within %d s" % START_TIMEOUT_S)
+			quit(1)
 		return false
 	(_game.stream_peer as StreamPeerTCP).poll()
 	while _game.get_available_packet_count() > 0:

@@ -8,8 +8,7 @@ extends RefCounted
 const LudusCameraScenarios := preload("res://addons/ludus/cameras/camera_scenarios.gd")
 const LudusCameraView := preload("res://addons/ludus/cameras/camera_view.gd")
 
-## Nodes that need a renderer and are no cameras of ours, such as agents with sensors of another
-## add-on.
+## Group of other nodes that need a renderer, such as agents that see with another add-on's cameras.
 const DRAWN_GROUP := &"ludus_drawn"
 ## What to do where there is no renderer.
 const HINT := (
