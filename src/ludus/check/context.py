@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import cast
 
+from ludus.check.finding import Finding, Status, info
 from ludus.check.recording import Recording, record
 from ludus.check.scripts import Script, find_scripts
 from ludus.errors import EngineError, UsageError
@@ -17,9 +18,11 @@ from ludus.session import EngineSession, LaunchOptions
 from ludus.settings.checks import ABOVE_0, AT_LEAST_0, AT_LEAST_1, ONLY_1, setting
 from ludus.settings.pool_config import GameConfig, Layout
 from ludus.spec import Spec
-from ludus.target import Address, Play, Scene, check_accepted, parse_target, prepare
+from ludus.target import Address, Legacy, Play, Scene, check_accepted, parse_target, prepare
 
 __all__ = ["CheckConfig", "CheckContext", "OneEngineOnly"]
+
+NO_SEEDS = "no seed reaches this game: its protocol has none"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,6 +127,17 @@ class CheckContext:
         """The scripts of the scene, if the target is one of a Godot project; else none."""
         game = self._target
         return find_scripts(game.project.root, game.path) if isinstance(game, Scene) else ()
+
+    @property
+    def has_seeds(self) -> bool:
+        """Whether seeds reach the game; no protocol of the older systems has any."""
+        return not isinstance(self._target, Legacy)
+
+    def excuse(self, finding: Finding) -> Finding:
+        """Return a finding that two episodes differ as information where no seed equates them."""
+        if self.has_seeds or finding.status in (Status.OK, Status.INFO):
+            return finding
+        return info(finding.title, f"cannot be told: {NO_SEEDS}", **finding.data)
 
     def close(self) -> None:
         """End the shared engine; may be called twice."""

@@ -24,6 +24,7 @@ class GameAddress:
         number: Which of them it is, from 0.
         cores: Cores that a game which we start is pinned to; None: the system decides.
         log_path: File for what a game that we start prints.
+        engine_args: Further arguments for the engine of a game that we start.
     """
 
     address: str
@@ -31,6 +32,7 @@ class GameAddress:
     number: int = 0
     cores: tuple[int, ...] | None = None
     log_path: Path | None = None
+    engine_args: tuple[str, ...] = ()
 
 
 def read_address(game: GameAddress) -> Path | tuple[str, int]:

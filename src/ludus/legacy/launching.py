@@ -46,6 +46,7 @@ class GameLaunch:
         is_windowed: Whether a game that we start draws.
         log_path: File that gets a copy of what a game that we start prints.
         cores: Cores that a game which we start is pinned to; None: the system decides.
+        engine_args: Further arguments for the engine of a ``target``.
         has_engine_arguments: Whether the game looks for its arguments among those of the engine,
             before a ``--``.
     """
@@ -56,6 +57,7 @@ class GameLaunch:
     is_windowed: bool = False
     log_path: str | Path | None = None
     cores: tuple[int, ...] | None = None
+    engine_args: tuple[str, ...] = ()
     has_engine_arguments: bool = False
 
     @property
@@ -90,7 +92,7 @@ class GameLaunch:
             headless=not self.is_windowed,
             fixed_fps=self.frames_per_second,
             user_args=() if self.has_engine_arguments else arguments,
-            engine_args=(*self._drawing, *of_engine),
+            engine_args=(*self._drawing, *self.engine_args, *of_engine),
         )
         command = self._engine_command(flags)
         return _end_with_us(with_display(command) if self.is_windowed else command)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from importlib import import_module
+from pathlib import Path
 from typing import Any, get_type_hints
 
 import gymnasium
@@ -14,14 +15,17 @@ from ludus.legacy.addresses import GameAddress
 from ludus.legacy.game import LegacyGame
 from ludus.legacy.session import LegacySession
 from ludus.legacy.setting_text import read_setting
+from ludus.target import Scene, parse_target
 
 __all__ = [
     "BRIDGES",
     "Bridge",
     "GameAddress",
     "find_bridge",
+    "find_window",
     "make_bridge_env",
     "open_bridge_session",
+    "open_in_window",
     "read_settings",
 ]
 
@@ -117,6 +121,40 @@ def _check_names(bridge: Bridge, settings: Mapping[str, Any]) -> None:
             hint=f"{_FLAGS.get(missing[0], '--' + missing[0].replace('_', '-') + ' MODULE:NAME')}; "
             f"in Python ludus.make({bridge.form!r}, {missing[0]}=…) ({bridge.page})",
         )
+
+
+def find_window(target: str) -> Scene | None:
+    """Return the project of a target whose game Ludus can start in a window; None if it cannot."""
+    bridge = find_bridge(target)
+    if bridge is None or "show_window" not in bridge.setting_names:
+        return None
+    place = Path(bridge.place_of(target)).expanduser()
+    game = parse_target(place) if place.exists() else None
+    return game if isinstance(game, Scene) else None
+
+
+def open_in_window(
+    target: str,
+    settings: Mapping[str, Any],
+    engine_args: tuple[str, ...],
+    max_episode_steps: int | None = None,
+) -> LegacySession:
+    """Open a session with a game in a window; see :func:`find_window`.
+
+    Args:
+        target: What a user named.
+        settings: As :func:`open_bridge_session` takes them.
+        engine_args: Further arguments for the engine.
+        max_episode_steps: Steps after which episodes are truncated.
+
+    Raises:
+        LudusError: As :func:`open_bridge_session`.
+    """
+    bridge = find_bridge(target)
+    assert bridge is not None, "find_window has found it"
+    address = GameAddress(address=bridge.place_of(target), engine_args=engine_args)
+    given = {**settings, "show_window": True}
+    return open_bridge_session(bridge, address, given, max_episode_steps)
 
 
 def make_bridge_env(target: str, settings: Mapping[str, Any]) -> gymnasium.Env[Any, Any]:

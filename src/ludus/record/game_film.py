@@ -6,7 +6,6 @@ import contextlib
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from dataclasses import replace
 from fractions import Fraction
 
 from ludus.engine import (
@@ -22,13 +21,12 @@ from ludus.play.episodes import EpisodeCounter
 from ludus.play.players import MakePlayer
 from ludus.play.playing import Play
 from ludus.play.watched import WatchedPlayer
-from ludus.pool import PoolConfig, open_pool
+from ludus.pool import EnginePool
 from ludus.pool.interface import Pool
 from ludus.record.camera import Camera
 from ludus.record.film import Frame
 from ludus.record.screen import screen, variables
 from ludus.record.shot import Shot
-from ludus.session import LaunchOptions
 from ludus.session.opening import DEBUG_VIEW
 from ludus.target import Scene
 
@@ -37,6 +35,9 @@ __all__ = ["film_alone", "film_played", "game_rate"]
 CONNECT_S = 60.0
 SILENCE_S = 120.0
 """How long a game that nobody plays may take for a frame."""
+
+OpenGame = Callable[[tuple[str, ...]], EnginePool]
+"""From further arguments for the engine to its game, opened in a window."""
 
 _POLL_S = 0.05
 _NO_RENDERER = ("Display is not available", "Your video card", "Unable to create", "GLX", "EGL")
@@ -47,16 +48,25 @@ def game_rate(scene: Scene) -> Fraction:
     return Fraction(scene.project.ticks_per_second)
 
 
-def film_played(scene: Scene, config: PoolConfig, player: MakePlayer, shot: Shot) -> dict[str, int]:
+def film_played(
+    scene: Scene,
+    opened: OpenGame,
+    player: MakePlayer,
+    shot: Shot,
+    *,
+    has_known_steps: bool = True,
+) -> dict[str, int]:
     """Film a game that Python plays; return how many episodes of each policy have ended.
 
     The first frame shows the game after the first ticks of the first step.
 
     Args:
         scene: What is played.
-        config: Of the pool; how it is launched is chosen here.
+        opened: Starts it in a window.
         player: From the pool to the way to act in it.
         shot: What is taken.
+        has_known_steps: Whether the pool knows how long a step takes. If not, a few more episodes
+            may be counted than the film shows.
 
     Raises:
         EngineError: The game failed.
@@ -65,18 +75,14 @@ def film_played(scene: Scene, config: PoolConfig, player: MakePlayer, shot: Shot
     """
     engine = _engine_of(scene)
     with _camera(shot) as camera, _hint_at_renderer(engine):
-        launch = LaunchOptions(
-            is_windowed=True,
-            has_debug_view=shot.has_overlay,
-            engine_args=_engine_args(engine, shot),
-        )
-        settings = replace(config, is_pinned=False, launch=launch)
-        with open_pool(scene, settings) as pool:
+        with opened(_engine_args(engine, shot)) as pool:
             camera.connect(CONNECT_S, lambda: None)
             counter = EpisodeCounter(pool.policies, shot.num_episodes)
             play = Play(pool, WatchedPlayer(pool, player(pool)), shot.seed)
             camera.begin()
-            play.run(counter, _is_full(camera, pool, shot))
+            seconds = (shot.num_skipped + shot.num_frames) * shot.every / game_rate(scene)
+            num_ticks = seconds * Fraction(pool.spec.tick_rate).limit_denominator(1000)
+            play.run(counter, _is_full(camera, pool, num_ticks if has_known_steps else None))
             camera.end()
             play.step()
             camera.finish()
@@ -155,14 +161,16 @@ def _engine_args(engine: InstalledEngine, shot: Shot) -> tuple[str, ...]:
     return (*arguments, "--resolution", f"{width}x{height}")
 
 
-def _is_full(camera: Camera, pool: Pool, shot: Shot) -> Callable[[], bool]:
-    """Return what tells whether enough has been played; the frames may still be on their way."""
+def _is_full(camera: Camera, pool: Pool, num_ticks: Fraction | None) -> Callable[[], bool]:
+    """Return what tells whether enough has been played.
+
+    With a number of ticks that is known before the last frames are here.
+    """
     first = pool.times(0).tick
-    num_ticks = (shot.num_skipped + shot.num_frames) * shot.every
 
     def is_full() -> bool:
         camera.check()
-        return pool.times(0).tick - first >= num_ticks
+        return camera.is_full if num_ticks is None else pool.times(0).tick - first >= num_ticks
 
     return is_full
 

@@ -6,16 +6,19 @@ import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 from ludus.engine import EngineKind
 from ludus.engine.bevy_build import with_view
 from ludus.errors import ConfigError, TargetError
+from ludus.legacy.registry import find_window, open_in_window
 from ludus.play.players import MakePlayer, load_player, random_player
-from ludus.pool import PoolConfig, open_pool
+from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.record.film import Film, check_out
 from ludus.record.film_kinds import choose_rate
 from ludus.record.shot import Shot
+from ludus.session import LaunchOptions
 from ludus.settings.checks import ABOVE_0, AT_LEAST_0, AT_LEAST_1, ONLY_1, optional, setting
 from ludus.settings.pool_config import GameConfig
 from ludus.target import (
@@ -137,12 +140,16 @@ def record(config: RecordConfig) -> Recorded:
             hint="leave --overlay out",
         )
     match game:
+        case Legacy(name) if (project := find_window(name)) is not None:
+            opened = partial(_open_legacy_game, config, name)
+            has_known_steps = "action_repeat" in config.bridge
+            return _record_game(config, project, opened, has_known_steps=has_known_steps)
         case Gymnasium() | Legacy() as environment:
             return _record_environment(config, environment)
         case Executable() as game:
             return _record_pictures(config, game)
         case Scene() as scene:
-            return _record_game(config, scene)
+            return _record_game(config, scene, partial(_open_game, config, scene))
         case _:
             raise AssertionError("check_accepted refuses it")
 
@@ -200,12 +207,33 @@ def make_player(config: RecordConfig) -> MakePlayer:
     return lambda pool: load_player(config.policy, pool, config.seed, config.is_stochastic)
 
 
-def _record_game(config: RecordConfig, scene: Scene) -> Recorded:
+def _open_game(config: RecordConfig, scene: Scene, engine_args: tuple[str, ...]) -> EnginePool:
+    launch = LaunchOptions(
+        is_windowed=True, has_debug_view=config.has_overlay, engine_args=engine_args
+    )
+    return open_pool(scene, replace(PoolConfig.of(config), is_pinned=False, launch=launch))
+
+
+def _open_legacy_game(config: RecordConfig, name: str, engine_args: tuple[str, ...]) -> EnginePool:
+    limit = config.max_episode_steps
+    return EnginePool(lambda _: open_in_window(name, config.bridge, engine_args, limit))
+
+
+def _record_game(
+    config: RecordConfig,
+    scene: Scene,
+    opened: Callable[[tuple[str, ...]], EnginePool],
+    *,
+    has_known_steps: bool = True,
+) -> Recorded:
     from ludus.record import game_film
 
     def take(shot: Shot) -> dict[str, int]:
         if config.policy or config.is_random:
-            return game_film.film_played(scene, PoolConfig.of(config), make_player(config), shot)
+            player = make_player(config)
+            return game_film.film_played(
+                scene, opened, player, shot, has_known_steps=has_known_steps
+            )
         game_film.film_alone(scene, shot)
         return {}
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import ludus
+from ludus.check import CheckConfig, run_checks
 from ludus.cli.main import main
 from ludus.session import Session
 from ludus.spec import ContinuousAction, DiscreteAction
@@ -173,6 +174,30 @@ def test_two_games_step_as_one_pool(walkers: Path, nothing_left: None) -> None:
             "walker": 4,
             "watcher": 2,
         }
+
+
+def test_what_no_seed_reaches_is_no_mistake_of_the_game(walkers: Path, nothing_left: None) -> None:
+    game = {"action_repeat": TICKS, "game_arguments": {"is_lost": 1}}
+    target = f"gdrl:{walkers}"
+    report = run_checks(CheckConfig(target=target, bridge=game, num_worlds=1, num_steps=40))
+    unknown = {f.title for _, f in report.findings if "no seed reaches this game" in f.detail}
+    assert unknown == {
+        "equal seeds give equal episodes",
+        "an episode does not depend on the one before it",
+    }
+    assert report.is_ok
+
+
+@pytest.mark.screen
+def test_window_is_filmed(
+    walkers: Path, nothing_left: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "film.mp4"
+    target = [f"gdrl:{walkers}", "--action-repeat", str(TICKS), "--max-episode-steps", "5"]
+    assert main(["record", *target, "--random", "--seconds", "0.5", "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith(f"{out}: 15 frames, 0.50 s, 30 frames/s, walker: ")
+    assert said.endswith(", watcher: 1 episodes\n")
 
 
 def test_commands_take_the_game(

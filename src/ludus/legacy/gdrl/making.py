@@ -107,6 +107,7 @@ def open_game(address: GameAddress, settings: Settings) -> GdrlGame:
         is_windowed=settings.show_window,
         log_path=address.log_path,
         cores=address.cores,
+        engine_args=address.engine_args,
         has_engine_arguments=True,
     )
     where = ("127.0.0.1", 0) if isinstance(found, Path) else found

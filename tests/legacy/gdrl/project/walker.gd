@@ -1,6 +1,6 @@
 extends Node
 ## A point on a line: beyond 3 its episode ends; after [member reset_after] ticks it begins again,
-## and nobody is told.
+## and nobody is told. With [code]--is_lost=1[/code] it begins anywhere.
 
 var policy_name := "walker"
 var reset_after := 40
@@ -8,6 +8,7 @@ var needs_reset := false
 var n_steps := 0
 var heuristic := "human"
 
+var _is_lost := OS.get_cmdline_args().has("--is_lost=1")
 var _place := 0.0
 var _speed := 0.0
 var _reward := 0.0
@@ -87,5 +88,5 @@ func get_arguments() -> Array:
 
 func _begin() -> void:
 	needs_reset = false
-	_place = 0.0
+	_place = randf() if _is_lost else 0.0
 	n_steps = 0
