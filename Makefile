@@ -7,7 +7,7 @@
 # make test-cluster  training on a Ray cluster of several nodes on this machine
 # make test-editor  the panel in Godot's editor, on a screen or a virtual one
 # make test-bevy   everything in Rust, and the Python tests with Bevy games; needs Cargo
-# make campaign    random faults against training runs, for MINUTES (1) from SEED (0); make campaign-cluster on Ray, once
+# make campaign    random faults against training runs, for MINUTES (1) from SEED (0); make campaign-cluster on Ray
 # make lint        formatters, linters and the type checker of every language
 # make docs        the documentation site, in build/docs; make docs-serve shows it in a browser
 # make web         the trained cart-pole for the site's front page, in build/web; needs Cargo and its target for the web
@@ -162,9 +162,10 @@ test-libraries: renderers $(LIBRARIES)/.ready
 	$(LIBRARIES)/all/bin/pytest -m 'libraries and not bevy' || failed=1; \
 	exit $$failed
 
-# Each file has one cluster for all of its tests.
+# Each file has one cluster for all of its tests; that of the faults belongs to the campaign.
+CLUSTER_FAULTS := tests/workers/test_ray_faults.py
 test-cluster: renderers $(LIBRARIES)/.ready
-	$(LIBRARIES)/all/bin/pytest -m cluster tests/workers
+	$(LIBRARIES)/all/bin/pytest -m cluster --ignore=$(CLUSTER_FAULTS) tests/workers
 
 # One editor at a time: each draws itself on the processor.
 test-editor: renderers
@@ -176,8 +177,9 @@ SEED ?= 0
 campaign: renderers
 	$(BIN)/python -m tests.campaign --minutes $(MINUTES) --seed $(SEED)
 
-# One round on a Ray cluster of its own.
+# Each known fault on a Ray cluster, then one round of random ones on another.
 campaign-cluster: renderers $(LIBRARIES)/.ready
+	$(LIBRARIES)/all/bin/pytest -m cluster $(CLUSTER_FAULTS)
 	$(LIBRARIES)/all/bin/python -m tests.campaign --faults nodes --engines gym --seed $(SEED) --round 0
 
 # One after the other: Cargo lets nobody else build meanwhile.

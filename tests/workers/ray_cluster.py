@@ -11,10 +11,10 @@ from typing import Any
 import psutil
 import pytest
 
-from ludus.settings.train_config import TrainConfig
+from ludus.settings.train_config import PPOConfig, TrainConfig
 from tests.workers.test_equal_bits import config
 
-__all__ = ["actors", "add_node", "cluster", "on_ray", "require_no_actors"]
+__all__ = ["actors", "add_node", "cluster", "large_rollout", "on_ray", "require_no_actors"]
 
 
 @pytest.fixture(scope="module")
@@ -67,3 +67,13 @@ def actors(cluster: Any) -> list[psutil.Process]:
 def require_no_actors(cluster: Any) -> None:
     """Require that no worker is left; Ray ends them soon after it is told to."""
     assert psutil.wait_procs(actors(cluster), timeout=30.0)[1] == []
+
+
+def large_rollout(tmp_path: Path) -> TrainConfig:
+    """One rollout of 229 MB; a node keeps 157 MB in memory."""
+    ppo = PPOConfig(hidden_sizes=(8,), rollout_steps=64, epochs=1, minibatch_size=1024)
+    return TrainConfig(
+        "gym:tests.workers.environments:Wide-v0", cluster="auto", num_machines=1, num_engines=1,
+        num_worlds=32, total_steps=32 * 64, seed=1, ppo=ppo, runs=tmp_path, name="run",
+        evaluation_episodes=0,
+    )  # fmt: skip

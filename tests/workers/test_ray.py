@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -14,9 +13,8 @@ import pytest
 import ludus
 from ludus.cli.main import main
 from ludus.engine.cache import require_cache_root
-from ludus.errors import ConfigError, RunError
+from ludus.errors import ConfigError
 from ludus.settings.merging import Layer
-from ludus.settings.train_config import PPOConfig, TrainConfig
 from ludus.training.hooks import Training
 from ludus.training.loop import train
 from ludus.tuning.sweeping import SweepConfig, run_sweep
@@ -24,7 +22,7 @@ from ludus.version import __version__
 from ludus.workers.parcel import find_parcel, has_parcel
 from tests.training.test_on_engine import pennies
 from tests.workers.machines import assert_equal, newest
-from tests.workers.ray_cluster import add_node, on_ray, require_no_actors
+from tests.workers.ray_cluster import add_node, large_rollout, on_ray, require_no_actors
 from tests.workers.test_equal_bits import PPO, config
 
 __all__ = ["pennies"]
@@ -93,33 +91,8 @@ def test_a_sweep_runs_every_trial_on_the_cluster(cluster: Any, tmp_path: Path) -
     require_no_actors(cluster)
 
 
-def large(tmp_path: Path) -> TrainConfig:
-    """One rollout of 229 MB; a node keeps 157 MB in memory."""
-    ppo = PPOConfig(hidden_sizes=(8,), rollout_steps=64, epochs=1, minibatch_size=1024)
-    return TrainConfig(
-        "gym:tests.workers.environments:Wide-v0", cluster="auto", num_machines=1, num_engines=1,
-        num_worlds=32, total_steps=32 * 64, seed=1, ppo=ppo, runs=tmp_path, name="run",
-        evaluation_episodes=0,
-    )  # fmt: skip
-
-
 def test_a_rollout_that_is_larger_than_the_object_store(cluster: Any, tmp_path: Path) -> None:
-    assert train(large(tmp_path)).stop_reason == "total_steps"
-
-
-def test_an_object_store_and_a_disk_that_are_full_end_the_run_with_one_error(
-    cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("RAY_local_fs_capacity_threshold", "0.001")  # for Ray, that is a full disk
-    full = add_node(cluster, num_cpus=2)  # the most, so that the run gets this node
-    try:
-        with pytest.raises(RunError, match=r"data from machine 0 \(.*\) does not fit") as caught:
-            train(large(tmp_path))
-    finally:
-        cluster.remove_node(full)
-    assert "--object-store-memory" in caught.value.hint
-    assert newest(tmp_path / "run").agent_steps == 0
-    require_no_actors(cluster)
+    assert train(large_rollout(tmp_path)).stop_reason == "total_steps"
 
 
 def test_the_cluster_is_checked(cluster: Any, capsys: pytest.CaptureFixture[str]) -> None:
@@ -132,24 +105,3 @@ def test_the_cluster_is_checked(cluster: Any, capsys: pytest.CaptureFixture[str]
         assert report["facts"]["engines"]
         assert report["agent_steps_per_s"] > 100
         assert report["megabytes_per_s"] > 1
-
-
-def test_another_version_on_a_node_is_one_error(
-    cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    other = tmp_path / "other"
-    shutil.copytree(Path(ludus.__file__).parent, other / "ludus")
-    (other / "ludus" / "version.py").write_text('__version__ = "0.0.1"\n')
-    monkeypatch.setenv("PYTHONPATH", str(other))  # of what the node starts
-    node = add_node(cluster)
-    try:
-        said = rf"node .*has Ludus 0\.0\.1, and this machine {re.escape(__version__)}"
-        with pytest.raises(ConfigError, match=said) as caught:
-            train(on_ray("ppo", tmp_path, num_machines=3))
-        assert "same versions" in caught.value.hint
-        assert main(["cluster", "check", "cartpole", "--seconds", "0.5"]) == 1
-        assert "0.0.1" in capsys.readouterr().out
-    finally:
-        cluster.remove_node(node)
-    assert not (tmp_path / "ray").exists()

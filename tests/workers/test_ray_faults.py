@@ -1,7 +1,12 @@
-"""A Ray cluster on this machine whose workers, nodes and head are struck while a run goes on."""
+"""What goes wrong on a Ray cluster on this machine; `make campaign-cluster` runs it.
+
+Workers, nodes and head are struck while a run goes on, stores are full, versions differ.
+"""
 
 from __future__ import annotations
 
+import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,11 +17,20 @@ import psutil
 import pytest
 
 import ludus
-from ludus.errors import RunError
+from ludus.cli.main import main
+from ludus.errors import ConfigError, RunError
 from ludus.runs.metrics import read_metrics
 from ludus.training.hooks import Training
+from ludus.training.loop import train
+from ludus.version import __version__
 from tests.workers.machines import newest
-from tests.workers.ray_cluster import actors, add_node, on_ray
+from tests.workers.ray_cluster import (
+    actors,
+    add_node,
+    large_rollout,
+    on_ray,
+    require_no_actors,
+)
 from tests.workers.test_on_engine import wait_until
 
 pytestmark = [
@@ -82,6 +96,42 @@ def test_a_node_that_joins_takes_the_place_of_one_that_is_gone(
     assert run.stop_reason == "stopped"
     assert run.metrics[-1]["restarts"] == 1
     assert "there is no node for machine" in (run.path / "train.log").read_text()
+
+
+def test_an_object_store_and_a_disk_that_are_full_end_the_run_with_one_error(
+    cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RAY_local_fs_capacity_threshold", "0.001")  # for Ray, that is a full disk
+    full = add_node(cluster, num_cpus=2)  # the most, so that the run gets this node
+    try:
+        with pytest.raises(RunError, match=r"data from machine 0 \(.*\) does not fit") as caught:
+            train(large_rollout(tmp_path))
+    finally:
+        cluster.remove_node(full)
+    assert "--object-store-memory" in caught.value.hint
+    assert newest(tmp_path / "run").agent_steps == 0
+    require_no_actors(cluster)
+
+
+def test_another_version_on_a_node_is_one_error(
+    cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    other = tmp_path / "other"
+    shutil.copytree(Path(ludus.__file__).parent, other / "ludus")
+    (other / "ludus" / "version.py").write_text('__version__ = "0.0.1"\n')
+    monkeypatch.setenv("PYTHONPATH", str(other))  # of what the node starts
+    node = add_node(cluster)
+    try:
+        said = rf"node .*has Ludus 0\.0\.1, and this machine {re.escape(__version__)}"
+        with pytest.raises(ConfigError, match=said) as caught:
+            train(on_ray("ppo", tmp_path, num_machines=3))
+        assert "same versions" in caught.value.hint
+        assert main(["cluster", "check", "cartpole", "--seconds", "0.5"]) == 1
+        assert "0.0.1" in capsys.readouterr().out
+    finally:
+        cluster.remove_node(node)
+    assert not (tmp_path / "ray").exists()
 
 
 def start_on(address: str, runs: Path, *flags: str) -> psutil.Popen:
