@@ -119,7 +119,10 @@ def _limit(recording: Recording, origin: str) -> Finding:
     """Check that an episode that reaches its limit ends there."""
     limits = {policy.name: policy.max_episode_steps for policy in recording.spec.policies}
     if all(limit is None for limit in limits.values()):
-        return info("no step limit is declared", hint="LudusAgent.max_episode_steps sets one")
+        return info(
+            "no step limit is declared",
+            hint="LudusAgent.max_episode_steps sets one, or --max-episode-steps",
+        )
     shown = ", ".join(f"{limit or 'none'}" for limit in limits.values())
     title = f"episodes are truncated after {shown} steps{origin}"
     num_cut = 0
