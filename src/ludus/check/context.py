@@ -20,9 +20,9 @@ from ludus.settings.pool_config import GameConfig, Layout
 from ludus.spec import Spec
 from ludus.target import Address, Legacy, Play, Scene, check_accepted, parse_target, prepare
 
-__all__ = ["CheckConfig", "CheckContext", "OneEngineOnly"]
+__all__ = ["NO_SEEDS", "CheckConfig", "CheckContext", "OneEngineOnly"]
 
-NO_SEEDS = "no seed reaches this game: its protocol has none"
+NO_SEEDS = "no seed reaches this game, whose protocol has none"
 
 
 @dataclass(frozen=True, kw_only=True)

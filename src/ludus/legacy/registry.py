@@ -123,14 +123,17 @@ def _check_names(bridge: Bridge, settings: Mapping[str, Any]) -> None:
         )
 
 
-def find_window(target: str) -> Scene | None:
-    """Return the project of a target whose game Ludus can start in a window; None if it cannot."""
+def find_window(target: str) -> tuple[Scene, int] | None:
+    """Return the project of a target and its frames per second, if Ludus can show it in a window.
+
+    The frames are those of game time, while Python plays.
+    """
     bridge = find_bridge(target)
     if bridge is None or "show_window" not in bridge.setting_names:
         return None
     place = Path(bridge.place_of(target)).expanduser()
     game = parse_target(place) if place.exists() else None
-    return game if isinstance(game, Scene) else None
+    return (game, bridge.code.FRAMES_PER_SECOND) if isinstance(game, Scene) else None
 
 
 def open_in_window(

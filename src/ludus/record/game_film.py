@@ -30,7 +30,7 @@ from ludus.record.shot import Shot
 from ludus.session.opening import DEBUG_VIEW
 from ludus.target import Scene
 
-__all__ = ["film_alone", "film_played", "game_rate"]
+__all__ = ["film_alone", "film_played"]
 
 CONNECT_S = 60.0
 SILENCE_S = 120.0
@@ -43,18 +43,8 @@ _POLL_S = 0.05
 _NO_RENDERER = ("Display is not available", "Your video card", "Unable to create", "GLX", "EGL")
 
 
-def game_rate(scene: Scene) -> Fraction:
-    """Return how many frames a second of game time has: one for each physics tick."""
-    return Fraction(scene.project.ticks_per_second)
-
-
 def film_played(
-    scene: Scene,
-    opened: OpenGame,
-    player: MakePlayer,
-    shot: Shot,
-    *,
-    has_known_steps: bool = True,
+    scene: Scene, opened: OpenGame, player: MakePlayer, shot: Shot, seconds: Fraction | None
 ) -> dict[str, int]:
     """Film a game that Python plays; return how many episodes of each policy have ended.
 
@@ -65,8 +55,8 @@ def film_played(
         opened: Starts it in a window.
         player: From the pool to the way to act in it.
         shot: What is taken.
-        has_known_steps: Whether the pool knows how long a step takes. If not, a few more episodes
-            may be counted than the film shows.
+        seconds: Game time to play; None where the pool does not know how long a step takes: until
+            the frames are here, so that more episodes may be counted than the film shows.
 
     Raises:
         EngineError: The game failed.
@@ -80,17 +70,19 @@ def film_played(
             counter = EpisodeCounter(pool.policies, shot.num_episodes)
             play = Play(pool, WatchedPlayer(pool, player(pool)), shot.seed)
             camera.begin()
-            seconds = (shot.num_skipped + shot.num_frames) * shot.every / game_rate(scene)
-            num_ticks = seconds * Fraction(pool.spec.tick_rate).limit_denominator(1000)
-            play.run(counter, _is_full(camera, pool, num_ticks if has_known_steps else None))
+            play.run(counter, _is_full(camera, pool, seconds))
             camera.end()
             play.step()
             camera.finish()
         return dict(counter.num_episodes)
 
 
-def film_alone(scene: Scene, shot: Shot) -> None:
-    """Film a game that plays itself, or that nobody plays; errors as :func:`film_played`."""
+def film_alone(scene: Scene, shot: Shot) -> dict[str, int]:
+    """Film a game that plays itself, or that nobody plays; no episode is counted.
+
+    Raises:
+        LudusError: As :func:`film_played`.
+    """
     engine = _engine_of(scene)
     ensure_imported(engine, scene.project)
     flags = GodotFlags(
@@ -108,6 +100,7 @@ def film_alone(scene: Scene, shot: Shot) -> None:
         camera.connect(CONNECT_S, lambda: _check_alive(process))
         camera.begin()
         _await_film(camera, process)
+    return {}
 
 
 @contextmanager
@@ -161,16 +154,15 @@ def _engine_args(engine: InstalledEngine, shot: Shot) -> tuple[str, ...]:
     return (*arguments, "--resolution", f"{width}x{height}")
 
 
-def _is_full(camera: Camera, pool: Pool, num_ticks: Fraction | None) -> Callable[[], bool]:
-    """Return what tells whether enough has been played.
-
-    With a number of ticks that is known before the last frames are here.
-    """
-    first = pool.times(0).tick
+def _is_full(camera: Camera, pool: Pool, seconds: Fraction | None) -> Callable[[], bool]:
+    """Return what tells whether enough has been played; the frames may still be on their way."""
+    first, rate = pool.times(0).tick, Fraction(pool.spec.tick_rate).limit_denominator(1000)
 
     def is_full() -> bool:
         camera.check()
-        return camera.is_full if num_ticks is None else pool.times(0).tick - first >= num_ticks
+        if seconds is None:
+            return camera.is_full
+        return (pool.times(0).tick - first) / rate >= seconds
 
     return is_full
 

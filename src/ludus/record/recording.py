@@ -44,8 +44,8 @@ class RecordConfig(GameConfig):
     """What to film.
 
     Attributes:
-        target: A bundled example, a project folder, a scene, gym:ENV_ID, or a run folder, whose
-            agents then play.
+        target: A bundled example, a project folder, a scene, gym:ENV_ID, a game of an older
+            system, or a run folder, whose agents then play.
         out: File to write: .mp4, .webm or .gif.
         dataset: Instead of a film, write a Minari dataset of this name, such as
             cartpole/expert-v0: complete episodes, 10 by default. Without a policy or random
@@ -140,16 +140,17 @@ def record(config: RecordConfig) -> Recorded:
             hint="leave --overlay out",
         )
     match game:
-        case Legacy(name) if (project := find_window(name)) is not None:
+        case Legacy(name) if (window := find_window(name)) is not None:
             opened = partial(_open_legacy_game, config, name)
-            has_known_steps = "action_repeat" in config.bridge
-            return _record_game(config, project, opened, has_known_steps=has_known_steps)
+            has_known_steps = config.bridge.get("action_repeat") is not None
+            return _record_game(config, *window, opened, has_known_steps=has_known_steps)
         case Gymnasium() | Legacy() as environment:
             return _record_environment(config, environment)
         case Executable() as game:
             return _record_pictures(config, game)
         case Scene() as scene:
-            return _record_game(config, scene, partial(_open_game, config, scene))
+            rate = scene.project.ticks_per_second
+            return _record_game(config, scene, rate, partial(_open_game, config, scene))
         case _:
             raise AssertionError("check_accepted refuses it")
 
@@ -222,22 +223,25 @@ def _open_legacy_game(config: RecordConfig, name: str, engine_args: tuple[str, .
 def _record_game(
     config: RecordConfig,
     scene: Scene,
+    frames_per_second: int,
     opened: Callable[[tuple[str, ...]], EnginePool],
     *,
     has_known_steps: bool = True,
 ) -> Recorded:
     from ludus.record import game_film
 
-    def take(shot: Shot) -> dict[str, int]:
-        if config.policy or config.is_random:
-            player = make_player(config)
-            return game_film.film_played(
-                scene, opened, player, shot, has_known_steps=has_known_steps
-            )
-        game_film.film_alone(scene, shot)
-        return {}
+    if not (config.policy or config.is_random):
+        rate = Fraction(scene.project.ticks_per_second)
+        return _film(config, rate, lambda shot: game_film.film_alone(scene, shot))
+    rate = Fraction(frames_per_second)
 
-    return _film(config, game_film.game_rate(scene), take)
+    def take(shot: Shot) -> dict[str, int]:
+        seconds = (shot.num_skipped + shot.num_frames) * shot.every / rate
+        player = make_player(config)
+        known = seconds if has_known_steps else None
+        return game_film.film_played(scene, opened, player, shot, known)
+
+    return _film(config, rate, take)
 
 
 def _record_pictures(config: RecordConfig, game: Executable) -> Recorded:

@@ -19,10 +19,11 @@ from ludus.legacy.gdrl.time_limits import TimeLimits
 from ludus.legacy.launching import GameLaunch
 from ludus.link import is_loopback
 
-__all__ = ["Settings", "open_game"]
+__all__ = ["FRAMES_PER_SECOND", "Settings", "open_game"]
 
 _LOG = logging.getLogger(__name__)
-_FRAMES_PER_SECOND = 60
+FRAMES_PER_SECOND = 60
+"""Of game time: its `sync.gd` sets as many ticks, whatever the project says."""
 _USUAL_ACTION_REPEAT = 8
 """Ticks of a step unless the scene says otherwise, which the wire does not tell."""
 _ADDON = "addons"
@@ -103,7 +104,7 @@ def open_game(address: GameAddress, settings: Settings) -> GdrlGame:
     launch = GameLaunch(
         target=target,
         command=settings.command,
-        frames_per_second=_FRAMES_PER_SECOND,
+        frames_per_second=FRAMES_PER_SECOND,
         is_windowed=settings.show_window,
         log_path=address.log_path,
         cores=address.cores,
@@ -146,7 +147,7 @@ def _open(
     ticks = settings.action_repeat or _USUAL_ACTION_REPEAT
     limits = TimeLimits(len(info.policies), settings.reset_after, ticks)
     name = f"gdrl:{address.address}"
-    return GdrlGame(name, policies, conversation, _FRAMES_PER_SECOND / ticks, limits)
+    return GdrlGame(name, policies, conversation, FRAMES_PER_SECOND / ticks, limits)
 
 
 def _check_scripts(target: Path) -> None:
