@@ -201,3 +201,23 @@ def test_gymgodot_project_is_filmed(
     rules = ["--get-reward", "json:loads", "--is-terminated", "json:loads"]
     assert main([*typed, *rules, *limits]) == 2
     assert "has no pictures of the screen" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        (["gdrl:{game}", "--random", "--num-worlds", "2"], "num_worlds cannot be set"),
+        (["gymgodot:{game}", *MOVE, *SEE, "--random", "--layout", "grid"], "layout cannot be set"),
+        (["gym:CartPole-v1", "--random", "--ticks-per-step", "2"], "ticks_per_step cannot be set"),
+        (["gym:CartPole-v1", "--random", "--num-worlds", "2"], "shows one environment, not 2"),
+    ],
+)
+def test_films_refuse_what_means_nothing_to_the_game(
+    typed: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "project.godot").touch()
+    out = tmp_path / "film.mp4"
+    filled = [word.format(game=tmp_path) for word in typed]
+    assert main(["record", *filled, "--out", str(out)]) == 2
+    assert said in capsys.readouterr().err
+    assert not out.exists()

@@ -251,3 +251,11 @@ def test_without_minari_the_package_is_named(monkeypatch: pytest.MonkeyPatch) ->
 def test_something_must_be_named_to_write(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["record", "gym:CartPole-v1", "--random"]) == 2
     assert "--dataset NAME-v0 for Minari" in capsys.readouterr().err
+
+
+@pytest.mark.libraries
+def test_a_game_of_a_legacy_bridge_cannot_be_played_by_hand() -> None:
+    config = RecordConfig(target="gdrl:127.0.0.1:1", dataset="walk/person-v0")
+    with pytest.raises(TargetError, match="nobody can play gdrl:") as caught:
+        record_dataset(config)
+    assert "--random" in caught.value.hint

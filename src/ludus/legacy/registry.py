@@ -15,17 +15,17 @@ from ludus.legacy.addresses import GameAddress
 from ludus.legacy.game import LegacyGame
 from ludus.legacy.session import LegacySession
 from ludus.legacy.setting_text import read_setting
-from ludus.target import Scene, parse_target
+from ludus.target import Legacy, Scene, parse_target
 
 __all__ = [
     "BRIDGES",
     "Bridge",
     "GameAddress",
+    "bridge_of",
     "find_bridge",
     "find_window",
     "make_bridge_env",
     "open_bridge_session",
-    "open_in_window",
     "read_settings",
 ]
 
@@ -65,6 +65,11 @@ class Bridge:
         """What a user can set."""
         return [part.name for part in fields(self.code.Settings) if part.name not in _NOT_OF_USERS]
 
+    @property
+    def has_window(self) -> bool:
+        """Whether Ludus can open its games in a window, and tell their engine more."""
+        return "show_window" in self.setting_names
+
     def is_switch(self, name: str) -> bool:
         """Tell whether a setting is true or false."""
         return get_type_hints(self.code.Settings)[name] is bool
@@ -90,6 +95,13 @@ BRIDGES = (
 def find_bridge(target: str) -> Bridge | None:
     """Return the bridge that a target names; None if it names none."""
     return next((bridge for bridge in BRIDGES if target.startswith(bridge.prefix)), None)
+
+
+def bridge_of(target: Legacy) -> Bridge:
+    """Return the bridge of a target that is known to have one."""
+    bridge = find_bridge(target.name)
+    assert bridge is not None, "a test holds the prefixes of targets and bridges together"
+    return bridge
 
 
 def read_settings(bridge: Bridge, settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -123,44 +135,20 @@ def _check_names(bridge: Bridge, settings: Mapping[str, Any]) -> None:
         )
 
 
-def find_window(target: str) -> tuple[Scene, int] | None:
+def find_window(target: Legacy) -> tuple[Scene, int] | None:
     """Return the project of a target and its frames per second, if Ludus can show it in a window.
 
     The frames are those of game time, while Python plays.
     """
-    bridge = find_bridge(target)
-    if bridge is None or "show_window" not in bridge.setting_names:
+    bridge = bridge_of(target)
+    if not bridge.has_window:
         return None
-    place = Path(bridge.place_of(target)).expanduser()
+    place = Path(bridge.place_of(target.name)).expanduser()
     game = parse_target(place) if place.exists() else None
     return (game, bridge.code.FRAMES_PER_SECOND) if isinstance(game, Scene) else None
 
 
-def open_in_window(
-    target: str,
-    settings: Mapping[str, Any],
-    engine_args: tuple[str, ...],
-    max_episode_steps: int | None = None,
-) -> LegacySession:
-    """Open a session with a game in a window; see :func:`find_window`.
-
-    Args:
-        target: What a user named.
-        settings: As :func:`open_bridge_session` takes them.
-        engine_args: Further arguments for the engine.
-        max_episode_steps: Steps after which episodes are truncated.
-
-    Raises:
-        LudusError: As :func:`open_bridge_session`.
-    """
-    bridge = find_bridge(target)
-    assert bridge is not None, "find_window has found it"
-    address = GameAddress(address=bridge.place_of(target), engine_args=engine_args)
-    given = {**settings, "show_window": True}
-    return open_bridge_session(bridge, address, given, max_episode_steps)
-
-
-def make_bridge_env(target: str, settings: Mapping[str, Any]) -> gymnasium.Env[Any, Any]:
+def make_bridge_env(target: Legacy, settings: Mapping[str, Any]) -> gymnasium.Env[Any, Any]:
     """Return one game as an environment whose ``render`` returns frames.
 
     Raises:
@@ -168,15 +156,15 @@ def make_bridge_env(target: str, settings: Mapping[str, Any]) -> gymnasium.Env[A
         ConfigError: A setting is unknown, missing or cannot be used.
         EngineError: The game did not start, or never connected.
     """
-    bridge = find_bridge(target)
-    assert bridge is not None, "a test holds the prefixes of targets and bridges together"
+    bridge = bridge_of(target)
     code = bridge.code
     if not hasattr(code, "make_rendering"):
         raise TargetError(
-            f"{target} cannot be filmed: the wire of {bridge.form} has no pictures of the screen",
+            f"{target.name} cannot be filmed: the wire of {bridge.form} has no pictures of the "
+            "screen",
             hint="--dataset NAME-v0 records its steps",
         )
-    address = GameAddress(address=bridge.place_of(target))
+    address = GameAddress(address=bridge.place_of(target.name))
     return code.make_rendering(address, code.Settings(**read_settings(bridge, settings)))
 
 

@@ -15,9 +15,8 @@ from ludus.engine import (
 )
 from ludus.errors import ConfigError
 from ludus.legacy.registry import (
-    Bridge,
     GameAddress,
-    find_bridge,
+    bridge_of,
     open_bridge_session,
     read_settings,
 )
@@ -40,13 +39,13 @@ from ludus.target import (
 )
 from ludus.wire.handshake import EngineConfig
 
-__all__ = ["open_pool", "spin_us_beside"]
+__all__ = ["check_settings", "open_pool", "spin_us_beside"]
 
 DEFAULT_SPIN_US = 3000
 _NOT_OF_ENVIRONMENTS = ("scene", "layout", "ticks_per_step", "godot", "spin_us", "token_file")
 """Settings that mean nothing to an environment of Gymnasium."""
 _NOT_OF_BRIDGES = (*_NOT_OF_ENVIRONMENTS, "num_worlds", "launch")
-"""Settings that mean nothing to a game of a legacy bridge."""
+"""Settings that mean nothing to a game of a legacy bridge, but for the window of some."""
 
 
 @check_arguments
@@ -116,9 +115,7 @@ def _read_token(path: Path) -> str:
 def _open_environments(
     target: Gymnasium, config: PoolConfig, render_mode: str | None
 ) -> EnginePool:
-    if config.layout == "isolated":  # as it is anyway
-        config = replace(config, layout="scene")
-    _refuse_changed(config, _NOT_OF_ENVIRONMENTS, f"{target.name} has no engine", "leave it out")
+    check_settings(target, config)
     render_mode = render_mode or ("human" if config.launch.is_windowed else None)
     # All are made here, as an environment may hold what belongs to the thread that made it; and
     # only once, as one that fails would fail again.
@@ -136,12 +133,11 @@ def _open_environments(
 
 
 def _open_legacy_games(target: Legacy, config: PoolConfig) -> EnginePool:
-    bridge = find_bridge(target.name)
-    assert bridge is not None, "a test holds the prefixes of targets and bridges together"
-    if config.layout == "isolated":  # as it is anyway
-        config = replace(config, layout="scene")
+    bridge = bridge_of(target)
     settings = read_settings(bridge, config.bridge)
-    _check_legacy(bridge, config)
+    check_settings(target, config)
+    if config.launch.is_windowed:
+        settings["show_window"] = True
     cores = _reserve_cores(config)
 
     def open_engine(engine: int) -> Session:
@@ -151,6 +147,7 @@ def _open_legacy_games(target: Legacy, config: PoolConfig) -> EnginePool:
             number=engine,
             cores=cores.plan.engines[engine],
             log_path=_log_path(config, engine),
+            engine_args=config.launch.engine_args,
         )
         return open_bridge_session(bridge, place, settings, config.max_episode_steps)
 
@@ -170,7 +167,23 @@ def _log_path(config: PoolConfig, engine: int) -> Path | None:
     return config.log_dir / name if config.log_dir else None
 
 
-def _check_legacy(bridge: Bridge, config: PoolConfig) -> None:
+def check_settings(target: Gymnasium | Legacy, config: PoolConfig) -> None:
+    """Refuse settings that mean nothing to a game which is no engine of ours.
+
+    Raises:
+        ConfigError: It names them.
+    """
+    if config.layout == "isolated":  # as it is anyway
+        config = replace(config, layout="scene")
+    if isinstance(target, Gymnasium):
+        _refuse_changed(
+            config, _NOT_OF_ENVIRONMENTS, f"{target.name} has no engine", "leave it out"
+        )
+        return
+    bridge = bridge_of(target)
+    if bridge.has_window:
+        launch = replace(config.launch, is_windowed=False, engine_args=())
+        config = replace(config, launch=launch)
     _refuse_changed(
         config,
         _NOT_OF_BRIDGES,

@@ -16,7 +16,7 @@ from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
 from ludus.datasets import dataset_names, require_minari
-from ludus.errors import ConfigError, EngineCrashed, RunError
+from ludus.errors import ConfigError, EngineCrashed, RunError, TargetError
 from ludus.play.hand import hand_player
 from ludus.play.interactive import require_screen
 from ludus.play.players import Act
@@ -27,7 +27,7 @@ from ludus.session import LaunchOptions
 from ludus.spec import PolicySpec
 from ludus.spec.batch import ActionBatch, Batch
 from ludus.spec.spaces import action_space, actions_of, observation_of, observation_space
-from ludus.target import check_accepted, parse_target
+from ludus.target import Legacy, check_accepted, parse_target
 from ludus.version import __version__
 
 __all__ = ["RecordedDataset", "record_dataset"]
@@ -73,10 +73,15 @@ def record_dataset(config: RecordConfig) -> list[RecordedDataset]:
     check_players(config)
     assert config.dataset is not None
     is_by_hand = not (config.policy or config.is_random)
-    if is_by_hand:
-        require_screen()
     target = parse_target(config.target, scene=config.scene, godot=config.godot)
     check_accepted("record", target)
+    if is_by_hand and isinstance(target, Legacy):
+        raise TargetError(
+            f"nobody can play {target.name} by hand while its steps are recorded",
+            hint="use --policy or --random",
+        )
+    if is_by_hand:
+        require_screen()
     launch = LaunchOptions(is_windowed=is_by_hand, is_real_time=is_by_hand)
     with open_pool(target, PoolConfig.of(config, launch=launch, is_pinned=not is_by_hand)) as pool:
         names = dataset_names(config.dataset, pool.policies)

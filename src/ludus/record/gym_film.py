@@ -19,6 +19,7 @@ from ludus.pool import EnginePool
 from ludus.record.film import Frame
 from ludus.record.shot import Shot
 from ludus.session.gymnasium_session import GymEnv, GymnasiumSession
+from ludus.target import Legacy
 
 __all__ = ["env_rate", "film_gymnasium", "make_rendering", "make_rendering_game"]
 
@@ -47,7 +48,7 @@ def make_rendering(env_id: str, max_episode_steps: int | None) -> GymEnv:
 
 
 def make_rendering_game(
-    target: str, settings: Mapping[str, Any], max_episode_steps: int | None
+    target: Legacy, settings: Mapping[str, Any], max_episode_steps: int | None
 ) -> GymEnv:
     """Start a game of a legacy bridge whose frames can be filmed; on a screen.
 

@@ -6,15 +6,15 @@ import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import partial
 from pathlib import Path
 
 from ludus.engine import EngineKind
 from ludus.engine.bevy_build import with_view
 from ludus.errors import ConfigError, TargetError
-from ludus.legacy.registry import find_window, open_in_window
+from ludus.legacy.registry import find_window
 from ludus.play.players import MakePlayer, load_player, random_player
 from ludus.pool import EnginePool, PoolConfig, open_pool
+from ludus.pool.opening import check_settings
 from ludus.record.film import Film, check_out
 from ludus.record.film_kinds import choose_rate
 from ludus.record.shot import Shot
@@ -139,18 +139,17 @@ def record(config: RecordConfig) -> Recorded:
             f"--overlay shows what agents of a Godot 4 project see, which {target.name} is not",
             hint="leave --overlay out",
         )
+    if isinstance(game, Gymnasium | Legacy):
+        check_settings(game, PoolConfig.of(config))
     match game:
-        case Legacy(name) if (window := find_window(name)) is not None:
-            opened = partial(_open_legacy_game, config, name)
-            has_known_steps = config.bridge.get("action_repeat") is not None
-            return _record_game(config, *window, opened, has_known_steps=has_known_steps)
+        case Legacy() if (window := find_window(game)) is not None:
+            return _record_game(config, game, *window)
         case Gymnasium() | Legacy() as environment:
             return _record_environment(config, environment)
         case Executable() as game:
             return _record_pictures(config, game)
         case Scene() as scene:
-            rate = scene.project.ticks_per_second
-            return _record_game(config, scene, rate, partial(_open_game, config, scene))
+            return _record_game(config, scene, scene, scene.project.ticks_per_second)
         case _:
             raise AssertionError("check_accepted refuses it")
 
@@ -208,25 +207,8 @@ def make_player(config: RecordConfig) -> MakePlayer:
     return lambda pool: load_player(config.policy, pool, config.seed, config.is_stochastic)
 
 
-def _open_game(config: RecordConfig, scene: Scene, engine_args: tuple[str, ...]) -> EnginePool:
-    launch = LaunchOptions(
-        is_windowed=True, has_debug_view=config.has_overlay, engine_args=engine_args
-    )
-    return open_pool(scene, replace(PoolConfig.of(config), is_pinned=False, launch=launch))
-
-
-def _open_legacy_game(config: RecordConfig, name: str, engine_args: tuple[str, ...]) -> EnginePool:
-    limit = config.max_episode_steps
-    return EnginePool(lambda _: open_in_window(name, config.bridge, engine_args, limit))
-
-
 def _record_game(
-    config: RecordConfig,
-    scene: Scene,
-    frames_per_second: int,
-    opened: Callable[[tuple[str, ...]], EnginePool],
-    *,
-    has_known_steps: bool = True,
+    config: RecordConfig, game: Scene | Legacy, scene: Scene, frames_per_second: int
 ) -> Recorded:
     from ludus.record import game_film
 
@@ -235,11 +217,17 @@ def _record_game(
         return _film(config, rate, lambda shot: game_film.film_alone(scene, shot))
     rate = Fraction(frames_per_second)
 
+    def opened(engine_args: tuple[str, ...]) -> EnginePool:
+        launch = LaunchOptions(
+            is_windowed=True, has_debug_view=config.has_overlay, engine_args=engine_args
+        )
+        return open_pool(game, PoolConfig.of(config, is_pinned=False, launch=launch))
+
     def take(shot: Shot) -> dict[str, int]:
         seconds = (shot.num_skipped + shot.num_frames) * shot.every / rate
-        player = make_player(config)
+        has_known_steps = game is scene or config.bridge.get("action_repeat") is not None
         known = seconds if has_known_steps else None
-        return game_film.film_played(scene, opened, player, shot, known)
+        return game_film.film_played(scene, opened, make_player(config), shot, known)
 
     return _film(config, rate, take)
 
@@ -265,11 +253,16 @@ def _record_environment(config: RecordConfig, target: Gymnasium | Legacy) -> Rec
     from ludus.record import gym_film
     from ludus.record.screen import screen
 
+    if config.num_worlds > 1:
+        raise ConfigError(
+            f"a film of {target.name} shows one environment, not {config.num_worlds}",
+            hint="leave num_worlds out",
+        )
     with screen(), contextlib.ExitStack() as stack:
         if isinstance(target, Gymnasium):
             env = gym_film.make_rendering(target.env_id, config.max_episode_steps)
         else:
-            env = gym_film.make_rendering_game(target.name, config.bridge, config.max_episode_steps)
+            env = gym_film.make_rendering_game(target, config.bridge, config.max_episode_steps)
         stack.callback(env.close)
         return _film(
             config,
