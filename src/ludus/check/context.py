@@ -129,13 +129,13 @@ class CheckContext:
         return find_scripts(game.project.root, game.path) if isinstance(game, Scene) else ()
 
     @property
-    def has_seeds(self) -> bool:
-        """Whether seeds reach the game; no protocol of the older systems has any."""
-        return not isinstance(self._target, Legacy)
+    def is_legacy(self) -> bool:
+        """Whether the game is of an older system: one world, which no seed reaches."""
+        return isinstance(self._target, Legacy)
 
     def excuse(self, finding: Finding) -> Finding:
         """Return a finding that two episodes differ as information where no seed equates them."""
-        if self.has_seeds or finding.status in (Status.OK, Status.INFO):
+        if not self.is_legacy or finding.status in (Status.OK, Status.INFO):
             return finding
         return info(finding.title, f"cannot be told: {NO_SEEDS}", **finding.data)
 

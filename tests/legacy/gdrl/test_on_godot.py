@@ -185,6 +185,7 @@ def test_what_no_seed_reaches_is_no_mistake_of_the_game(walkers: Path, nothing_l
         "equal seeds give equal episodes",
         "an episode does not depend on the one before it",
     }
+    assert not any("--num-worlds" in finding.hint for _, finding in report.findings)
     assert report.is_ok
 
 
