@@ -1,6 +1,7 @@
 # make setup       virtual environment in .venv, package, Godot 4 and Godot 3
 # make demo        train the bundled CartPole in real Godot physics and evaluate it
 # make test        the Python, Godot 4 and Godot 3 tests, against the real engines
+# make test-games  bundled, new, exported and guided games, from beginning to end
 # make test-training  whole trainings that have to reach a return, alone and on worker processes
 # make test-fast   the tests that start no engine, in about a minute
 # make test-libraries  SB3, PettingZoo, RLlib, TorchRL and three versions of Gymnasium, each in real Godot
@@ -45,7 +46,7 @@ ifneq ($(RUSTUP),)
 export RUSTUP_HOME ?= $(RUSTUP)
 endif
 
-.PHONY: setup demo test test-training test-libraries test-cluster test-editor test-fast campaign campaign-cluster test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples addon-zip web bench compare clean
+.PHONY: setup demo test test-games test-training test-libraries test-cluster test-editor test-fast campaign campaign-cluster test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples addon-zip web bench compare clean
 .DELETE_ON_ERROR:
 
 setup: .venv/.ready
@@ -113,11 +114,22 @@ PYTEST_PARALLEL = $(BIN)/pytest --numprocesses=$(PROCESSES) --dist=loadfile --no
 # Files with tests that nothing may run beside; the others need not be imported for them.
 ALONE = $$(grep -rl --include='test_*.py' 'mark\.alone' tests)
 
+# Marks of tests that other targets run.
+OTHER_SUITES := bevy or games or training or libraries or cluster or editor
+
 # The last run names what was left out.
 test: renderers
 	@failed=0; set -x; \
-	$(BIN)/pytest -m 'alone and not bevy and not training and not libraries and not cluster and not editor' $(ALONE) || failed=1; \
-	$(PYTEST_PARALLEL) -m 'not alone and not bevy and not training and not libraries and not cluster and not editor' || failed=1; \
+	$(BIN)/pytest -m 'alone and not ($(OTHER_SUITES))' $(ALONE) || failed=1; \
+	$(PYTEST_PARALLEL) -m 'not alone and not ($(OTHER_SUITES))' || failed=1; \
+	exit $$failed
+
+# What a user has in hand, from beginning to end: each bundled example, what `ludus new` makes, exported games, games that guide
+# their training or play its policies.
+test-games: renderers
+	@failed=0; set -x; \
+	$(BIN)/pytest -m 'games and alone and not bevy' $(ALONE) || failed=1; \
+	$(PYTEST_PARALLEL) -m 'games and not alone and not bevy' || failed=1; \
 	exit $$failed
 
 # Who changes what learns waits for these; the others need not. A busy machine may take its time.

@@ -61,12 +61,14 @@ def run_godot(project: Path, *arguments: str) -> str:
 
 
 @pytest.mark.engine
+@pytest.mark.games
 def test_a_new_project_opens_in_the_editor_and_is_played_by_hand(made: Made) -> None:
     assert "ERROR" not in made.editor
     assert "ERROR" not in run_godot(made.folder, "--fixed-fps", "60", "--quit-after", "30")
 
 
 @pytest.mark.engine
+@pytest.mark.games
 def test_a_new_project_passes_the_check_and_trains(made: Made, tmp_path: Path) -> None:
     assert f"ludus train {made.folder}" in made.told
     assert 'config/name="my-game"' in (made.folder / "project.godot").read_text()
@@ -128,6 +130,7 @@ func _init() -> void:
 
 
 @pytest.mark.engine
+@pytest.mark.games
 def test_scripts_made_of_the_templates_are_valid(tmp_path: Path) -> None:
     game = tmp_path / "game"
     assert main(["new", str(game)]) == 0

@@ -7,7 +7,7 @@ import pytest
 from ludus.check import CheckConfig, Status, run_checks
 from ludus.engine.bundled import example_names
 
-pytestmark = pytest.mark.engine
+pytestmark = [pytest.mark.engine, pytest.mark.games]
 
 # Scenes with known answers, which are no games: what they observe may well be constant.
 NO_GAMES = {"identity"}

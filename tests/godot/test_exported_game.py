@@ -42,7 +42,7 @@ from tests.godot_project import export_project
 from tests.serve.guided.test_press_play import free_port, servers
 from tests.targets import find_game
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.engine, pytest.mark.games, pytest.mark.timeout(600)]
 
 NUM_STEPS = 300
 FULL_LENGTH = 250

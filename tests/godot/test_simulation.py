@@ -294,6 +294,7 @@ def test_ludus_check_passes(project: Path, name: str) -> None:
     assert wrong == []
 
 
+@pytest.mark.training
 def test_ppo_learns_it(project: Path, tmp_path: Path) -> None:
     """Chance is right in a third of 10 moves."""
     config = TrainConfig(

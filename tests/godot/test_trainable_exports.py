@@ -22,7 +22,7 @@ from tests.godot_project import AGENT_SCENE, write_project
 from tests.serve.guided.test_press_play import free_port
 from tests.targets import find_game
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.engine, pytest.mark.games, pytest.mark.timeout(600)]
 
 LINE = "exported without the feature `ludus`: add it to the preset's custom features"
 GAME = """\

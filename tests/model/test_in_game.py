@@ -30,7 +30,7 @@ from ludus.model.policy_model import Distribution, Linear
 from ludus.spec import DiscreteAction, ObservationEntry
 from tests.godot_project import export_project, write_project
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.engine, pytest.mark.games, pytest.mark.timeout(300)]
 
 TIMEOUT_S = 60.0
 CARTPOLE = "res://examples/cartpole/cartpole.tscn"

@@ -43,6 +43,7 @@ def test_identity_is_solved(target: str, total_steps: int, at_least: float, tmp_
     assert result.evaluation["agent"].mean_return >= at_least
 
 
+@pytest.mark.training
 @pytest.mark.parametrize(
     "ppo",
     [
@@ -57,6 +58,7 @@ def test_every_kind_of_gaussian_learns(ppo: dict[str, Any], tmp_path: Path) -> N
     assert result.evaluation["agent"].mean_return >= -0.8
 
 
+@pytest.mark.training
 def test_overlapped_learning_learns_as_well(tmp_path: Path) -> None:
     result = train(
         config("Identity-discrete-v0", tmp_path, 10_000, learning_rate=3e-3, overlap=True)

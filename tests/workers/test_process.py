@@ -49,6 +49,7 @@ def nothing_left() -> Any:
     assert workers() == []
 
 
+@pytest.mark.training
 @pytest.mark.parametrize("case", ["ppo", "sac"])
 def test_processes_give_the_checkpoint_of_a_run_without_any(case: str, tmp_path: Path) -> None:
     alone, spread = (train(config(case, tmp_path, cluster)) for cluster in (None, "local:2"))
@@ -56,6 +57,7 @@ def test_processes_give_the_checkpoint_of_a_run_without_any(case: str, tmp_path:
     assert spread.evaluation == alone.evaluation
 
 
+@pytest.mark.training
 def test_a_run_goes_on_in_another_layout_to_the_bit(tmp_path: Path) -> None:
     ppo = PPOConfig(**PPO, learning_rate_schedule="constant")  # the linear one sees total_steps
     whole = train(config("ppo", tmp_path, None, ppo=ppo))
@@ -78,6 +80,7 @@ class Striking:
             os.kill(workers()[1].pid, self._signum)
 
 
+@pytest.mark.training
 @pytest.mark.parametrize("signum", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_lost_worker_is_started_again_and_the_run_goes_on(
     signum: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

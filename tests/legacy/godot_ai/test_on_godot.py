@@ -11,7 +11,7 @@ import pytest
 from ludus.engine import EngineKind, EngineProcess, LaunchConfig, find_engine
 from tests.legacy.godot_ai.conftest import Start
 
-pytestmark = pytest.mark.engine
+pytestmark = [pytest.mark.engine, pytest.mark.games]
 
 SCRIPT = Path(__file__).with_name("point_to_goal.gd")
 ROUNDS = 9

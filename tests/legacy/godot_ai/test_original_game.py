@@ -24,7 +24,7 @@ from ludus.serve.godot_ai.serving import ServeConfig
 from tests.legacy.godot_ai.conftest import Running
 from tests.legacy.godot_ai.projects import Events, legacy_addon_game, original_game
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.engine, pytest.mark.games, pytest.mark.timeout(600)]
 
 ROUNDS = 26
 TIMEOUT_S = 400.0

@@ -18,7 +18,7 @@ from ludus.record.screen import screen
 from tests.legacy.gymgodot.conftest import left_processes
 from tests.legacy.gymgodot.test_drop_in import FIVE_STEPS, PROJECT
 
-pytestmark = [pytest.mark.engine, pytest.mark.screen]
+pytestmark = [pytest.mark.engine, pytest.mark.games, pytest.mark.screen]
 
 PRESET = """\
 [preset.0]

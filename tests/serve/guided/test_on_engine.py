@@ -25,7 +25,7 @@ from tests.serve.guided.godot_game import DEADLINE_S, NUM_WORLDS, GodotGame, mak
 from tests.serve.guided.test_game_server import BUSY, Client
 from tests.serve.guided.test_guidance import await_result
 
-pytestmark = pytest.mark.engine
+pytestmark = [pytest.mark.engine, pytest.mark.games]
 
 Play = Callable[..., GodotGame]
 

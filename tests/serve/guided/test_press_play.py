@@ -28,7 +28,7 @@ from ludus.runs.metrics import read_metrics
 from ludus.runs.run_folder import RunFolder
 from tests.serve.guided.godot_game import SCENE, make_project
 
-pytestmark = pytest.mark.engine
+pytestmark = [pytest.mark.engine, pytest.mark.games]
 
 DEADLINE_S = 90.0
 # The scene that is trained brings the node itself, and goes on being played without a trainer.
