@@ -17,7 +17,7 @@ import pytest
 import ludus
 from ludus.cli.main import main
 from ludus.errors import ConfigError, RunError, SetupError
-from ludus.tuning.sweeping import Trial
+from ludus.tuning.sweeping import USUAL_SPACE, Trial
 
 TARGET = "gym:CartPole-v1"
 SMALL: dict[str, Any] = {
@@ -159,10 +159,17 @@ def test_the_command_prints_a_table(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.libraries
+@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+def test_the_usual_settings_vary_where_none_is_named(algorithm: str, tmp_path: Path) -> None:
+    sweep = ludus.sweep(TARGET, trials=2, runs=tmp_path, algorithm=algorithm, **SMALL)
+    assert set(sweep.trials[1].values) == set(USUAL_SPACE[algorithm])
+    assert json.loads((sweep.path / "sweep.json").read_text())["space"] == USUAL_SPACE[algorithm]
+
+
+@pytest.mark.libraries
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"space": {}}, "a sweep needs settings to vary"),
         ({"trials": 0}, "trials must be at least 1, not 0"),
         ({"objective": "steps"}, "the objective steps needs a target_return"),
         ({"total_steps": 0}, "total_steps must be at least 1"),

@@ -38,7 +38,7 @@ def sweep(
     Args:
         target: What to train in (docs/targets.md).
         space: What is varied: dotted names of settings to ``LOW:HIGH``, ``log:LOW:HIGH`` or
-            ``A,B,C``.
+            ``A,B,C``; None: learning rate, discount and a few more of the algorithm's settings.
         trials: How many in all, those of a resumed sweep included.
         seeds: Runs of each trial, with another seed each; their median counts.
         objective: ``"return"`` looks for the highest mean return at the end, ``"steps"`` for the
@@ -51,7 +51,7 @@ def sweep(
     Raises:
         ArgumentError: An argument has the wrong type.
         SetupError: Optuna is missing.
-        ConfigError: A setting is unknown or does not fit, or nothing is varied.
+        ConfigError: A setting is unknown or does not fit.
         RunError: Another process runs this sweep, or a file cannot be written.
         EngineError: An engine failed for good; ``resume`` goes on.
     """

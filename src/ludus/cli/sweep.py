@@ -34,7 +34,8 @@ class SweepCommand(TrainCommand):
 
     Attributes:
         set: A setting to vary: --set ppo.learning_rate=log:1e-5:1e-2, --set ppo.epochs=1:8 or
-            --set ppo.activation=tanh,relu; may be given several times.
+            --set ppo.activation=tanh,relu; may be given several times. Without it, learning rate,
+            discount and a few more of the algorithm's settings vary.
         trials: Total number of trials.
         seeds: Runs of each trial, with different seeds; their median is its score. With one run per
             trial, the best is often only lucky.

@@ -18,6 +18,7 @@ from __future__ import annotations
 import json
 import logging
 import time
+from collections import ChainMap
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -33,7 +34,7 @@ from ludus.runs.run_folder import RunFolder
 from ludus.runs.trust import PROGRAM_SETTINGS, make_mark, require_trust
 from ludus.settings.merging import Layer, merge, resolve
 from ludus.settings.plain import MARK, plain_settings, to_plain
-from ludus.settings.policy_config import ALGORITHM_CONFIGS
+from ludus.settings.policy_config import ALGORITHM_CONFIGS, PolicyConfig
 from ludus.settings.train_config import TrainConfig
 from ludus.training.hooks import Hooks, Training
 from ludus.training.loop import open_training_pool, train
@@ -53,6 +54,19 @@ LOCK_TIMEOUT_S = 1.0
 AS_IS = "as-is"
 """Attribute of the trial that varies nothing: what it has of the settings that others vary."""
 
+_DISCOUNTS = "0.95,0.98,0.99,0.995"
+USUAL_SPACE: dict[str, dict[str, str]] = {
+    "ppo": {
+        "ppo.learning_rate": "log:1e-4:5e-3", "ppo.entropy_coefficient": "log:1e-4:3e-2",
+        "ppo.epochs": "2:10", "ppo.discount": _DISCOUNTS,
+    },
+    "sac": {
+        "sac.learning_rate": "log:1e-4:5e-3", "sac.batch_size": "64,128,256,512",
+        "sac.discount": _DISCOUNTS,
+    },
+}  # fmt: skip
+"""By algorithm: what is varied where nothing was named."""
+
 log = logging.getLogger(__name__)
 
 
@@ -62,7 +76,7 @@ class SweepConfig:
 
     Attributes:
         space: What is varied: dotted name of a setting to ``LOW:HIGH``, ``log:LOW:HIGH`` or
-            ``A,B,C``.
+            ``A,B,C``; empty: ``USUAL_SPACE`` of the algorithms that the policies have.
         layers: Settings of all trials.
         objective: What is better; None: ``steps`` where the settings have a ``target_return``.
         seeds: Runs of each trial, at least 1; each has another seed, and their median counts. One
@@ -230,11 +244,9 @@ class _Runner:
     def _current_values(self) -> dict[str, Any]:
         """Return what is varied as the game is trained without a sweep.
 
-        Only the open game tells what its scene sets. Settings that its policies disagree on are
-        left out.
+        Settings that policies disagree on are left out.
         """
-        with open_training_pool(replace(self._base, num_worlds=1, num_engines=1)) as pool:
-            policies = resolve(self._layers, pool.policies).config.policies
+        policies = _policies_of(self._layers, self._base)
         config = replace(self._base, policies=policies)
         plain = _by_name(to_plain(config))
         current: dict[str, Any] = {}
@@ -378,13 +390,16 @@ def _open_folder(config: SweepConfig | None, resume: Path | None) -> tuple[Path,
     if resume is not None:
         return resume, _read_config(resume)
     assert config is not None
-    if not config.space:
-        raise ConfigError("a sweep needs settings to vary", "--set ppo.learning_rate=log:1e-5:1e-2")
     if config.seeds < 1:
         raise ConfigError(f"seeds must be at least 1, not {config.seeds}")
-    read_space(config.space)
     base = merge(config.layers)
     _objective(config.objective, base)
+    if not config.space:
+        algorithms = {own.algorithm for own in _policies_of(config.layers, base).values()}
+        usual = [USUAL_SPACE[algorithm] for algorithm in sorted(algorithms)]
+        config = replace(config, space=dict(ChainMap(*usual)))
+        log.info("varies what is usual: %s", ", ".join(config.space))
+    read_space(config.space)
     named = f"sweep-{RunFolder.stem(base.target)}-{time.strftime('%Y%m%d-%H%M%S')}"
     folder = base.runs / (base.name or named)
     values = {
@@ -406,6 +421,12 @@ def _open_folder(config: SweepConfig | None, resume: Path | None) -> tuple[Path,
             ) from None
         write_atomically(folder / "sweep.json", json.dumps(values, indent=2).encode() + b"\n")
     return folder, config
+
+
+def _policies_of(layers: Sequence[Layer], base: TrainConfig) -> Mapping[str, PolicyConfig]:
+    """Return the settings of each policy, of which only the open game tells what its scene sets."""
+    with open_training_pool(replace(base, num_worlds=1, num_engines=1)) as pool:
+        return resolve(layers, pool.policies).config.policies
 
 
 def _read_config(folder: Path) -> SweepConfig:
