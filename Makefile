@@ -1,7 +1,7 @@
 # make setup       virtual environment in .venv, package, Godot 4 and Godot 3
 # make demo        train the bundled CartPole in real Godot physics and evaluate it
 # make test        the Python, Godot 4 and Godot 3 tests, against the real engines
-# make test-games  bundled, new, exported and guided games, from beginning to end
+# make test-games  bundled, new, exported, guided and filmed games from beginning to end, and the code of the docs
 # make test-training  whole trainings that have to reach a return, alone and on worker processes
 # make test-fast   the tests that start no engine, in about a minute
 # make test-libraries  SB3, PettingZoo, RLlib, TorchRL and three versions of Gymnasium, each in real Godot
@@ -125,7 +125,7 @@ test: renderers
 	exit $$failed
 
 # What a user has in hand, from beginning to end: each bundled example, what `ludus new` makes, exported games, games that guide
-# their training or play its policies.
+# their training or play its policies, films, and the code of the docs.
 test-games: renderers
 	@failed=0; set -x; \
 	$(BIN)/pytest -m 'games and alone and not bevy' $(ALONE) || failed=1; \

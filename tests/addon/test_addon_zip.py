@@ -98,6 +98,7 @@ def test_a_zip_holds_the_add_on_alone(
 
 
 @pytest.mark.engine
+@pytest.mark.games
 @pytest.mark.parametrize("kind", ["godot4", "godot3"])
 def test_a_zip_installs_into_an_empty_project(
     kind: str, pack: Callable[[str, Path], Path], tmp_path: Path

@@ -94,6 +94,7 @@ def _runnable() -> list[Any]:
 
 
 @pytest.mark.engine
+@pytest.mark.games
 @pytest.mark.slow
 @pytest.mark.parametrize("block", _runnable())
 def test_a_python_block_runs(block: Block, shorten_training: Callable[[int], None]) -> None:

@@ -55,6 +55,7 @@ def test_the_committed_notebook_has_been_executed() -> None:
     assert counts == list(range(1, len(counts) + 1))
 
 
+@pytest.mark.games
 @pytest.mark.engine
 @pytest.mark.slow
 @pytest.mark.timeout(900)

@@ -13,7 +13,7 @@ from ludus.engine.process import EngineProcess
 from ludus.engine.template import ExportTemplate
 from ludus.errors import EngineStartError, EngineTimeout, SetupError, TargetError
 
-pytestmark = [pytest.mark.engine, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.engine, pytest.mark.games, pytest.mark.timeout(600)]
 
 PROJECT = """\
 config_version=5

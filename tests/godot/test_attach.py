@@ -113,7 +113,8 @@ with running_game("--ludus-listen=tcp:192.0.2.7:9999", f"--ludus-token-file={{th
     code = main(["train", "192.0.2.7:9999", "--num-engines", "1", "--num-worlds", "4",
                  "--total-steps", "2000", "--evaluation-episodes", "0", "--runs", runs,
                  "--token-file", ours])
-    print("exit code of the game:", game.wait(20.0))
+    if code == 0:  # otherwise it goes on listening
+        print("exit code of the game:", game.wait(20.0))
 sys.exit(code)
 """
 

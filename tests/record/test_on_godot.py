@@ -22,7 +22,12 @@ from ludus.record import Film, RecordConfig, record
 from ludus.record.film import Frame
 from tests.record.games import STEPS, frames_of, read_ticks, ticks_project, times_of
 
-pytestmark = [pytest.mark.engine, pytest.mark.screen, pytest.mark.timeout(240)]
+pytestmark = [
+    pytest.mark.engine,
+    pytest.mark.games,
+    pytest.mark.screen,
+    pytest.mark.timeout(240),
+]
 
 KINDS = ["godot4", "godot3"]
 

@@ -118,11 +118,13 @@ def value_of(target: str, share: float, tmp_path: Path) -> float:
         return float(critic(torch.tensor([[share]])))
 
 
+@pytest.mark.training
 def test_truncation_is_bootstrapped(tmp_path: Path) -> None:
     """An endless task cut every 5 steps is worth r / (1 - gamma) = 10."""
     assert value_of("Truncated-v0", 0.5, tmp_path) == pytest.approx(10.0, rel=0.03)
 
 
+@pytest.mark.training
 def test_termination_is_not_bootstrapped(tmp_path: Path) -> None:
     """Five steps are worth (1 - gamma^5) / (1 - gamma) = 4.0951."""
     assert value_of("Terminated-v0", 0.0, tmp_path) == pytest.approx(4.0951, rel=0.03)

@@ -23,7 +23,7 @@ from ludus.engine import (
 from tests.editor_probe import PROBE, PROBE_PLUGIN
 from tests.godot_project import AGENT_SCENE, write_project
 
-pytestmark = pytest.mark.engine
+pytestmark = [pytest.mark.engine, pytest.mark.editor]
 
 TIMEOUT_S = 120.0
 Seen = tuple[Path, dict[str, Any]]
