@@ -19,6 +19,7 @@ import signal
 import sys
 import tempfile
 from collections import Counter, defaultdict
+from collections.abc import Generator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -105,11 +106,14 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
             patch.delenv(variable, raising=False)
 
 
-@pytest.hookimpl(trylast=True)
-def pytest_runtest_teardown(item: pytest.Item) -> None:
-    """Take back what the test saw differently."""
-    if _patches in item.stash:
-        item.stash[_patches].undo()
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item: pytest.Item) -> Generator[None]:
+    """Take back what the test saw differently, also where its end fails."""
+    try:
+        yield
+    finally:
+        if _patches in item.stash:
+            item.stash[_patches].undo()
 
 
 @cache

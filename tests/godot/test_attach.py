@@ -26,7 +26,7 @@ from ludus.engine import (
 )
 from ludus.errors import ConfigError, EngineStartError
 from ludus.session import LaunchOptions
-from ludus.target.kinds import DEFAULT_PORT
+from ludus.target.kinds import DEFAULT_PORT, Play
 from tests.targets import find_scene
 
 pytestmark = pytest.mark.engine
@@ -157,6 +157,7 @@ def test_nobody_listens() -> None:
     assert "--ludus-listen" in error.value.hint
 
 
+@pytest.mark.alone
 @both_engines
 def test_waiting_for_play(kind: EngineKind) -> None:
     import threading
@@ -176,9 +177,10 @@ def test_waiting_for_play(kind: EngineKind) -> None:
 
 
 def test_nobody_presses_play() -> None:
-    options = LaunchOptions(play_timeout_s=0.3)
+    # At a port that no game of another test looks at.
+    config = ludus.PoolConfig(launch=LaunchOptions(play_timeout_s=0.3))
     with pytest.raises(ludus.LudusError, match="no engine connected"):
-        ludus.make("play", launch=options)
+        ludus.open_pool(Play("127.0.0.1", free_port()), config)
 
 
 @both_engines

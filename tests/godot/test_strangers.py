@@ -273,6 +273,7 @@ print("done", flush=True)
 """
 
 
+@pytest.mark.alone
 def test_one_request_of_a_browser_does_not_end_the_wait_for_play() -> None:
     made: list[ludus.LudusEnv] = []
     waiter = threading.Thread(target=lambda: made.append(ludus.make("play")), daemon=True)
