@@ -168,7 +168,7 @@ def _log_path(config: PoolConfig, engine: int) -> Path | None:
 
 
 def check_settings(target: Gymnasium | Legacy, config: PoolConfig) -> None:
-    """Refuse settings that mean nothing to a game which is no engine of ours.
+    """Refuse settings that mean nothing to a Gymnasium environment or a game of a legacy bridge.
 
     Raises:
         ConfigError: It names them.
