@@ -128,8 +128,8 @@ test: renderers
 # their training or play its policies, films, and the code of the docs.
 test-games: renderers
 	@failed=0; set -x; \
-	$(BIN)/pytest -m 'games and alone and not bevy' $(ALONE) || failed=1; \
-	$(PYTEST_PARALLEL) -m 'games and not alone and not bevy' || failed=1; \
+	$(BIN)/pytest -m 'games and alone and not (bevy or libraries)' $(ALONE) || failed=1; \
+	$(PYTEST_PARALLEL) -m 'games and not (alone or bevy or libraries)' || failed=1; \
 	exit $$failed
 
 # Who changes what learns waits for these; the others need not. A busy machine may take its time.
