@@ -157,6 +157,20 @@ def test_nothing_is_left_of_a_trainer_that_is_killed(cluster: Any, tmp_path: Pat
     assert psutil.wait_procs(left, timeout=60.0)[1] == []
 
 
+ASK_FOR_LONG = """\
+import sys, time
+from ludus.errors import RunError
+from ludus.workers.nodes import RayCluster
+
+cluster = RayCluster(sys.argv[1])
+print("asking", flush=True)
+try:
+    cluster.ask(lambda: time.sleep(300.0), cluster.nodes(), timeout_s=200.0)
+except RunError as error:
+    print(error.message)
+"""
+
+
 def test_a_head_that_is_gone_ends_the_run_with_one_error(cluster: Any, tmp_path: Path) -> None:
     """The last test: nothing is left of the cluster."""
     import ray as ray_package
@@ -164,9 +178,16 @@ def test_a_head_that_is_gone_ends_the_run_with_one_error(cluster: Any, tmp_path:
     ray: Any = ray_package
     address = cluster.address
     trainer = start_on(address, tmp_path)
+    asking = subprocess.Popen(
+        [sys.executable, "-c", ASK_FOR_LONG, address], stdout=subprocess.PIPE, text=True
+    )
+    assert asking.stdout is not None
+    assert asking.stdout.readline() == "asking\n"
     left = [each for actor in actors(cluster) for each in (actor, *actor.children(recursive=True))]
     ray.shutdown()  # this process need not die with the head
     cluster.remove_node(cluster.head_node, allow_graceful=False)
+    told, _ = asking.communicate(timeout=90.0)
+    assert told == f"the head of the Ray cluster, {address}, is gone\n"
     assert trainer.wait(timeout=90.0) == RunError.exit_code
     said = (tmp_path / "output.txt").read_text()
     assert said.count("error:") == 1

@@ -99,14 +99,20 @@ class RayCluster:
             nodes: Which.
             arguments: Of the function.
             timeout_s: Until a node counts as one that does not answer.
+
+        Raises:
+            RunError: The head is gone, without which nobody answers.
         """
         task = ray.remote(num_cpus=0, max_retries=0)(function)
         answers: dict[Node, Any] = {}
         for node in nodes:
             place = NodeAffinitySchedulingStrategy(node.id, soft=False)
             answers[node] = task.options(scheduling_strategy=place).remote(*arguments)
-        if answers:
-            ray.wait(list(answers.values()), num_returns=len(answers), timeout=timeout_s)
+        refs, limit_s = list(answers.values()), time.monotonic() + timeout_s
+        while refs and time.monotonic() < limit_s:
+            refs = ray.wait(refs, num_returns=len(refs), timeout=min(LOOK_S, timeout_s))[1]
+            if refs:
+                self.require_head()
         return {node: _answer(ref) for node, ref in answers.items()}
 
     def deliver(self, parcel: Parcel, nodes: list[Node]) -> None:

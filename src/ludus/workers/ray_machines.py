@@ -222,6 +222,7 @@ class _Places:
 
     Raises:
         ConfigError: There are not as many machines, or they are taken.
+        RunError: The head is gone.
     """
 
     def __init__(self, cluster: RayCluster, num_machines: int | None, num_engines: int) -> None:
@@ -238,12 +239,15 @@ class _Places:
             [{"CPU": cpus}] * self.num_machines, strategy="STRICT_SPREAD"
         )
         self._left: set[int] = set()
-        if not self._group.wait(timeout_seconds=START_S):
-            groups.remove_placement_group(self._group)
-            raise ConfigError(
-                f"the cluster has no {self.num_machines} machines with {cpus:g} free CPUs each",
-                "another run may have them: ray status; a smaller --num-engines needs less",
-            )
+        limit_s = time.monotonic() + START_S
+        while not self._group.wait(timeout_seconds=LOOK_S):
+            cluster.require_head()
+            if time.monotonic() > limit_s:
+                groups.remove_placement_group(self._group)
+                raise ConfigError(
+                    f"the cluster has no {self.num_machines} machines with {cpus:g} free CPUs each",
+                    "another run may have them: ray status; a smaller --num-engines needs less",
+                )
         self._make = ray.remote(num_cpus=cpus, max_restarts=0, max_task_retries=0,
                                 concurrency_groups={"play": 1, "life": 1})(_Actor)  # fmt: skip
 
