@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Generator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -66,7 +67,7 @@ class CheckContext:
         check_accepted("check", target)
         # An example is not built again for each engine.
         self._target = prepare(target)
-        self._main: EnginePool | None = None
+        self._shared: dict[bool, EnginePool] = {}
 
     @property
     def spec(self) -> Spec:
@@ -85,13 +86,28 @@ class CheckContext:
     engine_version: str = "unknown"
     """Name and version of the engine, once there is a recording; other sessions have none."""
 
-    @contextlib.contextmanager
-    def main_pool(self) -> Generator[EnginePool]:
+    def main_pool(self) -> AbstractContextManager[EnginePool]:
         """Lend the engine that checks share; after an error the next one gets a new engine."""
-        if self._main is None:
-            self._main = open_pool(self._target, PoolConfig.of(self.config))
+        return self._lend(is_lone=False)
+
+    def lone_pool(self) -> AbstractContextManager[EnginePool]:
+        """Lend the engine with one world, in the layout that the game asks for, likewise.
+
+        Raises:
+            OneEngineOnly: The game was started by hand.
+        """
+        return self._lend(is_lone=True)
+
+    @contextlib.contextmanager
+    def _lend(self, is_lone: bool) -> Generator[EnginePool]:
+        if is_lone not in self._shared:
+            self._shared[is_lone] = (
+                self._open_other(replace(self.config, num_worlds=1))
+                if is_lone
+                else open_pool(self._target, PoolConfig.of(self.config))
+            )
         try:
-            yield self._main
+            yield self._shared[is_lone]
         except EngineError:
             self.close()
             raise
@@ -108,19 +124,22 @@ class CheckContext:
         Raises:
             OneEngineOnly: The game was started by hand.
         """
-        if isinstance(self._target, Address | Play):
-            raise OneEngineOnly(
-                "not checked: it needs another process, and this game was started by hand",
-                hint="name the project instead",
-            )
         config = replace(
             self.config,
             num_worlds=num_worlds or self.config.num_worlds,
             layout=cast(Layout, layout) if layout else self.config.layout,
             max_episode_steps=max_episode_steps or self.config.max_episode_steps,
         )
-        with open_pool(self._target, PoolConfig.of(config)) as pool:
+        with self._open_other(config) as pool:
             yield pool
+
+    def _open_other(self, config: CheckConfig) -> EnginePool:
+        if isinstance(self._target, Address | Play):
+            raise OneEngineOnly(
+                "not checked: it needs another process, and this game was started by hand",
+                hint="name the project instead",
+            )
+        return open_pool(self._target, PoolConfig.of(config))
 
     @cached_property
     def scripts(self) -> tuple[Script, ...]:
@@ -140,10 +159,9 @@ class CheckContext:
         return info(finding.title, f"cannot be told: {NO_SEEDS}", **finding.data)
 
     def close(self) -> None:
-        """End the shared engine; may be called twice."""
-        if self._main is not None:
-            self._main.close()
-            self._main = None
+        """End the shared engines; may be called twice."""
+        while self._shared:
+            self._shared.popitem()[1].close()
 
     def __enter__(self) -> CheckContext:
         return self

@@ -32,7 +32,7 @@ def check_gymnasium(context: CheckContext) -> list[Finding]:
         return [info(TITLE, f"does not apply: {reason}")]
     try:
         with (
-            context.other_pool(num_worlds=1) as pool,
+            context.lone_pool() as pool,
             warnings.catch_warnings(record=True) as caught,
         ):
             warnings.simplefilter("always")

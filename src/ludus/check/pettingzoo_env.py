@@ -46,7 +46,7 @@ def check_pettingzoo(context: CheckContext) -> list[Finding]:
         def make() -> LudusParallelEnv:
             return LudusParallelEnv(pools.enter_context(context.other_pool(num_worlds=1)))
 
-        env = make()
+        env = LudusParallelEnv(pools.enter_context(context.lone_pool()))
         tests: dict[str, Callable[[], Any]] = {
             "parallel_api_test": lambda: parallel_api_test(env, num_cycles=_NUM_CYCLES),
             "api_test": lambda: api_test(parallel_to_aec(env), num_cycles=_NUM_CYCLES),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
@@ -100,11 +101,12 @@ def _alone_and_together(context: CheckContext) -> Finding:
     """Compare world *i* of N with a single world of seed + i, isolated if the game can be."""
     num_worlds, steps = context.spec.num_worlds, context.recording.num_steps
     title = f"world i of {num_worlds} equals a world alone with seed + i"
-    layout, together = context.spec.layout, context.recording
+    layout, together, lone_pool = context.spec.layout, context.recording, context.lone_pool
     if layout != "isolated":
         with contextlib.suppress(TargetError), context.other_pool(layout="isolated") as pool:
             layout, together = "isolated", record(pool, context.config.seed, steps)
-    with context.other_pool(num_worlds=1, layout=layout) as pool:
+            lone_pool = partial(context.other_pool, num_worlds=1, layout=layout)
+    with lone_pool() as pool:
         for world in sorted({0, num_worlds - 1}):
             alone = record(pool, context.config.seed + world, steps)
             found = first_difference(together.world(world), alone)
