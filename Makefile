@@ -2,6 +2,7 @@
 # make demo        train the bundled CartPole in real Godot physics and evaluate it
 # make test        the Python, Godot 4 and Godot 3 tests, against the real engines
 # make test-games  bundled, new, exported, guided and filmed games from beginning to end, and the code of the docs
+# make test-legacy the games of older systems: GymGodot, godot-gym-api, bevy_rl, godot-ai, Godot RL Agents
 # make test-training  whole trainings that have to reach a return, alone and on worker processes
 # make test-fast   the tests that start no engine, in about a minute
 # make test-libraries  SB3, PettingZoo, RLlib, TorchRL and three versions of Gymnasium, each in real Godot
@@ -46,7 +47,7 @@ ifneq ($(RUSTUP),)
 export RUSTUP_HOME ?= $(RUSTUP)
 endif
 
-.PHONY: setup demo test test-games test-training test-libraries test-cluster test-editor test-fast campaign campaign-cluster test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples addon-zip web bench compare clean
+.PHONY: setup demo test test-games test-legacy test-training test-libraries test-cluster test-editor test-fast campaign campaign-cluster test-bevy lint lint-scripts lint-rust docs docs-serve renderers cargo bevy-test bevy-examples addon-zip web bench compare clean
 .DELETE_ON_ERROR:
 
 setup: .venv/.ready
@@ -115,7 +116,7 @@ PYTEST_PARALLEL = $(BIN)/pytest --numprocesses=$(PROCESSES) --dist=loadfile --no
 ALONE = $$(grep -rl --include='test_*.py' 'mark\.alone' tests)
 
 # Marks of tests that other targets run.
-OTHER_SUITES := bevy or games or training or libraries or cluster or editor
+OTHER_SUITES := bevy or games or legacy or training or libraries or cluster or editor
 
 # The last run names what was left out.
 test: renderers
@@ -131,6 +132,9 @@ test-games: renderers
 	$(BIN)/pytest -m 'games and alone and not (bevy or libraries)' $(ALONE) || failed=1; \
 	$(PYTEST_PARALLEL) -m 'games and not (alone or bevy or libraries)' || failed=1; \
 	exit $$failed
+
+test-legacy: renderers
+	$(PYTEST_PARALLEL) -m 'legacy and not (bevy or games or libraries)'
 
 # Who changes what learns waits for these; the others need not. A busy machine may take its time.
 test-training: renderers

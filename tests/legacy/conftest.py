@@ -29,6 +29,14 @@ from tests.legacy.gymgodot import conftest as gymgodot
 from tests.legacy.gymgodot.conftest import left_processes, left_threads
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark all tests of this folder, before `-m` chooses."""
+    for item in items:
+        if Path(__file__).parent in item.path.parents:
+            item.add_marker("legacy")
+
+
 @dataclass(frozen=True)
 class Walk:
     """How to open the game of one bridge.
