@@ -21,6 +21,7 @@ from gymnasium.wrappers import (
 from gymnasium.wrappers import vector as vector_wrappers
 
 import ludus
+from ludus.check import CheckConfig, run_checks
 from ludus.errors import UsageError
 from ludus.wrappers import RecordEpisodeStatistics as OurStatistics
 
@@ -156,6 +157,15 @@ def test_single_wrappers_wrap_a_game(cartpole: Any) -> None:
         observation, _ = env.reset()
         assert len(env.get_wrapper_attr("length_queue")) == episode + 1
     assert list(env.get_wrapper_attr("length_queue")) == lengths
+
+
+@pytest.mark.engine
+@pytest.mark.libraries  # tests of the checks run with one version of Gymnasium only
+def test_a_game_passes_ludus_check() -> None:
+    report = run_checks(
+        CheckConfig(target="cartpole", num_steps=60, num_layout_worlds=8, timing_s=0.05)
+    )
+    assert report.is_ok, report.findings
 
 
 @pytest.mark.libraries  # moviepy writes the film

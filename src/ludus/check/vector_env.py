@@ -33,7 +33,9 @@ def check_vector_env(context: CheckContext) -> list[Finding]:
     if len(context.spec.policies) > 1:
         return [info("VectorEnv", "does not apply: there are several policies")]
     with context.main_pool() as pool:
-        player = _Player(LudusVectorEnv(pool), context)
+        env = LudusVectorEnv(pool)
+        env.closed = True  # older versions of Gymnasium would end the shared engine with it
+        player = _Player(env, context)
         checks: dict[str, Callable[[_Player], str]] = {
             "VectorEnv: shapes and types": _shapes,
             "VectorEnv: final_obs exactly where an episode ended": _finals,
