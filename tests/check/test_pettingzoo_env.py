@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from ludus.check import Finding, Status
+from ludus.check import CheckContext, Finding, Status
 from ludus.check.pettingzoo_env import check_pettingzoo
 
 pytestmark = pytest.mark.engine
@@ -36,6 +36,11 @@ def test_what_does_not_apply_or_is_not_installed_is_said(
     (finding,) = checked("good", check_pettingzoo)
     assert finding.status is Status.INFO
     assert "one agent" in finding.detail
+    with monkeypatch.context() as patch:
+        patch.setattr(CheckContext, "is_legacy", True)
+        (finding,) = checked("masked", check_pettingzoo)
+    assert finding.status is Status.INFO
+    assert "options" in finding.detail
     missing: Any = None
     monkeypatch.setitem(sys.modules, "pettingzoo", missing)
     monkeypatch.delitem(sys.modules, "ludus.pettingzoo", raising=False)

@@ -30,6 +30,8 @@ def check_pettingzoo(context: CheckContext) -> list[Finding]:
     """Run tests of PettingZoo; their warnings are advice that games may ignore."""
     if not why_not_gymnasium(context.spec):
         return [info(TITLE, "does not apply: a world has one agent, without masks")]
+    if context.is_legacy:
+        return [info(TITLE, "does not apply: it resets with options, which this game refuses")]
     try:
         from ludus.pettingzoo import LudusParallelEnv
 
