@@ -15,6 +15,7 @@ EXAMPLES = {name.split(": ")[1].removesuffix(" -->\n"): code for name, code in B
 
 
 @pytest.mark.engine
+@pytest.mark.games
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_an_example_is_short_and_learns(name: str, shorten_training: Callable[[int], None]) -> None:
     shorten_training(16_384)

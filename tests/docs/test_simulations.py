@@ -16,7 +16,7 @@ from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.spec.batch import ActionBatch
 from tests.godot_project import write_project
 
-pytestmark = pytest.mark.engine
+pytestmark = [pytest.mark.engine, pytest.mark.games]
 PAGE = (Path(__file__).parents[2] / "docs/simulations.md").read_text()
 
 
