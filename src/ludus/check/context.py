@@ -91,7 +91,7 @@ class CheckContext:
         return self._lend(is_lone=False)
 
     def lone_pool(self) -> AbstractContextManager[EnginePool]:
-        """Lend the engine with one world, in the layout that the game asks for, likewise.
+        """Lend the other engine that checks share, which has one world, in the default layout.
 
         Raises:
             OneEngineOnly: The game was started by hand.

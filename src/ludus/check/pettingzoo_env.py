@@ -31,7 +31,9 @@ def check_pettingzoo(context: CheckContext) -> list[Finding]:
     if not why_not_gymnasium(context.spec):
         return [info(TITLE, "does not apply: a world has one agent, without masks")]
     if context.is_legacy:
-        return [info(TITLE, "does not apply: it resets with options, which this game refuses")]
+        return [
+            info(TITLE, "does not apply: its tests pass options to reset; this game takes none")
+        ]
     try:
         from ludus.pettingzoo import LudusParallelEnv
 
