@@ -1,7 +1,7 @@
 # make setup       virtual environment in .venv, package, Godot 4 and Godot 3
 # make demo        train the bundled CartPole in real Godot physics and evaluate it
 # make test        the Python, Godot 4 and Godot 3 tests, against the real engines
-# make test-games  bundled, new, exported, guided and filmed games from beginning to end, and the code of the docs
+# make test-games  bundled, new, exported, guided, filmed and checked games from beginning to end, and the code of the docs
 # make test-legacy the games of older systems: GymGodot, godot-gym-api, bevy_rl, godot-ai, Godot RL Agents
 # make test-training  whole trainings that have to reach a return, alone and on worker processes
 # make test-fast   the tests that start no engine, in about a minute
@@ -118,20 +118,23 @@ ALONE = $$(grep -rl --include='test_*.py' 'mark\.alone' tests)
 # Marks of tests that other targets run.
 OTHER_SUITES := bevy or games or legacy or training or libraries or cluster or editor
 
-# The last run names what was left out.
+# Runs the tests with some marks: those that nothing may run beside, then the others, then another command, if any. The last run
+# of pytest names what was left out.
+define run-tests
+@failed=0; set -x; \
+$(BIN)/pytest -m 'alone and $(1)' $(ALONE) || failed=1; \
+$(PYTEST_PARALLEL) -m 'not alone and $(1)' || failed=1; \
+$(if $(2),$(2) || failed=1;) \
+exit $$failed
+endef
+
 test: renderers
-	@failed=0; set -x; \
-	$(BIN)/pytest -m 'alone and not ($(OTHER_SUITES))' $(ALONE) || failed=1; \
-	$(PYTEST_PARALLEL) -m 'not alone and not ($(OTHER_SUITES))' || failed=1; \
-	exit $$failed
+	$(call run-tests,not ($(OTHER_SUITES)))
 
 # What a user has in hand, from beginning to end: each bundled example, what `ludus new` makes, exported games, games that guide
-# their training or play its policies, films, and the code of the docs.
+# their training or play its policies, films, what `ludus check` says, and the code of the docs.
 test-games: renderers
-	@failed=0; set -x; \
-	$(BIN)/pytest -m 'games and alone and not (bevy or libraries)' $(ALONE) || failed=1; \
-	$(PYTEST_PARALLEL) -m 'games and not (alone or bevy or libraries)' || failed=1; \
-	exit $$failed
+	$(call run-tests,games and not (bevy or libraries))
 
 test-legacy: renderers
 	$(PYTEST_PARALLEL) -m 'legacy and not (bevy or games or libraries)'
@@ -142,7 +145,7 @@ test-training: renderers
 
 # Of the examples that Hypothesis draws, the inner loop tries a fifth. Curves would load Matplotlib.
 test-fast: .venv/.ready
-	$(PYTEST_PARALLEL) --hypothesis-profile=fast -m 'not engine and not screen and not slow and not curve and not libraries and not cluster and not editor'
+	$(PYTEST_PARALLEL) --hypothesis-profile=fast -m 'not (engine or screen or slow or curve or $(OTHER_SUITES))'
 
 # Environments of their own, as their packages pin each other. uv links files from its cache, PyTorch included.
 LIBRARIES := .venv/libraries
@@ -202,11 +205,7 @@ campaign-cluster: renderers $(LIBRARIES)/.ready
 test-bevy: cargo renderers $(LIBRARIES)/.ready
 	@$(MAKE) --no-print-directory bevy-test
 	@$(MAKE) --no-print-directory bevy-examples
-	@failed=0; set -x; \
-	$(BIN)/pytest -m 'bevy and alone and not libraries' $(ALONE) || failed=1; \
-	$(PYTEST_PARALLEL) -m 'bevy and not alone and not libraries' || failed=1; \
-	$(LIBRARIES)/all/bin/pytest -m 'bevy and libraries' || failed=1; \
-	exit $$failed
+	$(call run-tests,bevy and not libraries,$(LIBRARIES)/all/bin/pytest -m 'bevy and libraries')
 
 cargo:
 	@command -v cargo > /dev/null || { echo "the Bevy crates need Cargo: $(CARGO_HINT)"; exit 1; }

@@ -68,13 +68,20 @@ GAMES = [
     Game("godot3:cartpole", "godot3:cartpole --target-return 249", 249, 20),
     Game("bevy:cartpole", "bevy:cartpole --target-return 249", 249, 20),
     Game("pendulum", "pendulum --target-return -200", -250, 20),
-    Game("ball_chase", "ball_chase --num-worlds 2 --target-return 12", 12, 20),
+    Game(
+        "ball_chase",
+        "ball_chase --num-worlds 2 --target-return 12 --evaluation-episodes 100",
+        11,
+        20,
+    ),
     Game("key_door", "key_door --target-return 0.95", 0.95),
     Game(
         "tag",
-        "tag --league.share 0.5 --league.snapshot-every-updates 5 --total-steps 340000",
-        1.0,
+        "tag --league.share 0.5 --league.snapshot-every-updates 5 --total-steps 340000"
+        " --evaluation-episodes 200",
+        0.9,
         policy="chaser",
+        above=0,
     ),
     Game("find_coin", "find_coin --total-steps 6000000", 0.85, policy="hero", above=-60),
     Game("apple_seeker", "apple_seeker --total-steps 1000000", 1.0, above=0),

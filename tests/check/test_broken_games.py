@@ -19,7 +19,7 @@ from ludus.check.timing import check_timing
 from ludus.check.vector_env import check_vector_env
 from tests.godot_project import AGENT_SCENE, write_project
 
-pytestmark = pytest.mark.engine
+pytestmark = [pytest.mark.engine, pytest.mark.games]
 
 Checked = Callable[..., list[Finding]]
 Check = Callable[[CheckContext], Iterable[Finding]]

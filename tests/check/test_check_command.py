@@ -9,7 +9,7 @@ import pytest
 
 from ludus.cli.main import main
 
-pytestmark = pytest.mark.engine
+pytestmark = [pytest.mark.engine, pytest.mark.games]
 
 
 def test_failing_game_prints_one_json_object_and_exits_with_1(

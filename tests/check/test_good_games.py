@@ -13,7 +13,7 @@ from ludus.check.determinism import check_determinism
 from ludus.check.timing import check_timing
 from ludus.check.vector_env import check_vector_env
 
-pytestmark = pytest.mark.engine
+pytestmark = [pytest.mark.engine, pytest.mark.games]
 
 Checked = Callable[..., list[Finding]]
 

@@ -11,7 +11,7 @@ import pytest
 from ludus.check import CheckContext, Finding, Status
 from ludus.check.pettingzoo_env import check_pettingzoo
 
-pytestmark = pytest.mark.engine
+pytestmark = [pytest.mark.engine, pytest.mark.games]
 
 Checked = Callable[..., list[Finding]]
 

@@ -156,6 +156,7 @@ def test_bodies_are_where_reset_has_put_them(tmp_path: Path, dimension: str, wal
     assert len({*rays[0][:, 0], *rays[6][:, 0]}) == 6, "each world and episode has its own"
 
 
+@pytest.mark.games
 @pytest.mark.parametrize(("dimension", "layout"), [("2d", "isolated"), ("3d", "grid")])
 def test_a_game_with_sensors_passes_the_check(tmp_path: Path, dimension: str, layout: str) -> None:
     game = write_game(tmp_path / "game", dimension, layout, "StaticBody")

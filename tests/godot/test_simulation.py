@@ -279,6 +279,7 @@ def test_beginnings_that_never_end_or_cannot_wait(project: Path) -> None:
         session.close()
 
 
+@pytest.mark.games
 @pytest.mark.parametrize("name", ["choice", "fall"])
 def test_ludus_check_passes(project: Path, name: str) -> None:
     report = run_checks(
