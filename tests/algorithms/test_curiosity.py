@@ -43,10 +43,10 @@ def test_what_leads_to_something_new_has_the_greater_advantage() -> None:
     curious, generator = curiosity(), torch.Generator().manual_seed(0)
     novelties: list[float] = []
     for _ in range(60):
-        curious.advantage(places(0.0, 0.0), all_active())
-        novelties.append(curious.learn(1e-3, generator))
+        curious.advantage(places(0.0, 0.0), all_active(), CONFIG)
+        novelties.append(curious.learn(CONFIG, 1e-3, generator))
     assert novelties[-1] < 0.01 * novelties[0]
-    advantage = curious.advantage(places(0.0, 1.0), all_active())
+    advantage = curious.advantage(places(0.0, 1.0), all_active(), CONFIG)
     old, new = advantage[: NUM_STEPS // 2].mean(0)
     assert new > old + 0.5
 
@@ -54,7 +54,7 @@ def test_what_leads_to_something_new_has_the_greater_advantage() -> None:
 def test_nothing_follows_where_an_agent_is_gone() -> None:
     is_active = all_active()
     is_active[NUM_STEPS // 2 :, 1] = False
-    advantage = curiosity().advantage(places(1.0, 1.0), is_active)
+    advantage = curiosity().advantage(places(1.0, 1.0), is_active, CONFIG)
     assert bool((advantage[NUM_STEPS // 2 - 1 :, 1] == 0).all())
     assert bool((advantage[: NUM_STEPS // 2 - 1] > 0).all())
 
@@ -62,15 +62,15 @@ def test_nothing_follows_where_an_agent_is_gone() -> None:
 def test_goes_on_as_it_was_saved() -> None:
     first, other = curiosity(), Curiosity(Policy(SPEC, CONFIG), CONFIG, num_agents=2)
     generator = torch.Generator().manual_seed(0)
-    first.advantage(places(0.0, 1.0), all_active())
-    first.learn(1e-3, generator)
+    first.advantage(places(0.0, 1.0), all_active(), CONFIG)
+    first.learn(CONFIG, 1e-3, generator)
     other.load_state({name: value.clone() for name, value in first.state().items()})
     state = generator.get_state()
     results: list[tuple[torch.Tensor, float]] = []
     for each in (first, other):
         generator.set_state(state)
-        each.advantage(places(0.0, 1.0), all_active())
-        novelty = each.learn(1e-3, generator)
-        results.append((each.advantage(places(1.0, 1.0), all_active()), novelty))
+        each.advantage(places(0.0, 1.0), all_active(), CONFIG)
+        novelty = each.learn(CONFIG, 1e-3, generator)
+        results.append((each.advantage(places(1.0, 1.0), all_active(), CONFIG), novelty))
     assert torch.equal(results[0][0], results[1][0])
     assert results[0][1] == results[1][1]

@@ -182,8 +182,10 @@ def test_learning_rate_falls_to_zero() -> None:
         assert ppo.update(progress)["learning_rate"] == pytest.approx(rate)
 
 
-def test_a_rollout_without_active_slots_changes_nothing() -> None:
-    ppo, random = learner(), np.random.default_rng(0)
+@pytest.mark.parametrize("memory_size", [0, 5])
+def test_a_rollout_without_active_slots_changes_nothing(memory_size: int) -> None:
+    ppo = learner(replace(CONFIG, memory_size=memory_size, sequence_length=2))
+    random = np.random.default_rng(0)
     silent = {"active": np.array([False, False])}
     ppo.begin(0, batch(random, **silent))
     for _ in range(4):
@@ -192,6 +194,30 @@ def test_a_rollout_without_active_slots_changes_nothing() -> None:
     before = [parameter.clone() for parameter in ppo.policy.parameters()]
     assert ppo.update(0.0)["num_transitions"] == 0
     assert all(torch.equal(a, b) for a, b in zip(before, ppo.policy.parameters(), strict=True))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"clip_range": 0.01}, {"value_clip_range": 0.01}, {"value_coefficient": 2.0},
+        {"epochs": 1}, {"minibatch_size": 2}, {"gae_lambda": 0.5}, {"entropy_coefficient": 0.1},
+    ],
+    ids=str,
+)  # fmt: skip
+@pytest.mark.parametrize("curiosity", [0.0, 0.5])
+def test_settings_may_change_between_updates(change: dict[str, Any], curiosity: float) -> None:
+    config = replace(CONFIG, curiosity=curiosity, clip_range=0.02)
+    changed, made_so = learner(config), learner(replace(config, **change))
+    changed.config = made_so.config
+    for ppo in (changed, made_so):
+        random = np.random.default_rng(0)
+        ppo.begin(0, batch(random))
+        for _ in range(4):
+            ppo.act(0)
+            ppo.record(0, batch(random))
+        ppo.update(0.0)
+    one, other = changed.state().tensors, made_so.state().tensors
+    assert all(torch.equal(one[name], other[name]) for name in one)
 
 
 def play(ppo: PPO, reward: float, *, restart: bool = True) -> dict[str, float]:
@@ -294,7 +320,7 @@ def test_sequences_repeat_what_the_memory_did_while_acting() -> None:
             ppo.record(0, batch(random, **change))
         metrics = ppo.update(0.0)
         assert metrics["approximate_kl"] == pytest.approx(0.0, abs=1e-9)
-    assert metrics["num_transitions"] == 8
+    assert metrics["num_transitions"] == 6
 
 
 def test_truncated_backpropagation_reaches_the_start_of_a_sequence_only() -> None:

@@ -41,8 +41,6 @@ class Curiosity:
     """
 
     def __init__(self, policy: Policy, config: PPOConfig, num_agents: int) -> None:
-        self._discounts = config.curiosity_discount, config.gae_lambda
-        self._epochs, self._minibatch_size = config.epochs, config.minibatch_size
         self._target = _Network(policy, 1, FEATURE_SIZE, 1.0).requires_grad_(False)
         self._predictor = _Network(policy, 2, FEATURE_SIZE, 1.0)
         self._critic = _Network(policy, 2, 1, 0.0)
@@ -57,7 +55,7 @@ class Curiosity:
         self._return = torch.zeros(0)
 
     @torch.no_grad()
-    def advantage(self, inputs: Inputs, is_active: Tensor) -> Tensor:
+    def advantage(self, inputs: Inputs, is_active: Tensor, config: PPOConfig) -> Tensor:
         """Return ``float32[steps, agents]``, the advantages by bonuses of one rollout.
 
         They are in units of the standard deviation of the bonuses' return.
@@ -65,6 +63,7 @@ class Curiosity:
         Args:
             inputs: What was observed: ``steps + 1`` rows of each agent, step after step.
             is_active: ``bool[steps + 1, agents]``, who observed it.
+            config: Settings, some of which may change while a run goes on.
         """
         value = self._critic(inputs).view(is_active.shape)
         bonus = self._errors(inputs).view(is_active.shape)[1:]
@@ -72,16 +71,18 @@ class Curiosity:
         is_cut = ~is_active[1:]
         bonus = self._scaler.scale(bonus.masked_fill(is_cut, 0.0), is_active[:-1], is_cut)
         next_value = value[1:].masked_fill(is_cut, 0.0)
-        advantage = generalised_advantage(bonus, value[:-1], next_value, is_cut, self._discounts)
+        discounts = config.curiosity_discount, config.gae_lambda
+        advantage = generalised_advantage(bonus, value[:-1], next_value, is_cut, discounts)
         rows = is_active[:-1].flatten().nonzero()[:, 0]
         self._inputs = inputs.rows(rows)
         self._return = (advantage + value[:-1]).flatten().index_select(0, rows)
         return advantage
 
-    def learn(self, learning_rate: float, generator: torch.Generator) -> float:
+    def learn(self, config: PPOConfig, learning_rate: float, generator: torch.Generator) -> float:
         """Learn from the rollout of the last :meth:`advantage`; return the mean error before.
 
         Args:
+            config: As for :meth:`advantage`.
             learning_rate: Of Adam.
             generator: Shuffles what was observed.
         """
@@ -90,8 +91,8 @@ class Curiosity:
             return 0.0
         with torch.no_grad():
             novelty = float(self._errors(inputs).mean())
-        num_parts = -(-len(inputs) // self._minibatch_size)
-        for _ in range(self._epochs):
+        num_parts = -(-len(inputs) // config.minibatch_size)
+        for _ in range(config.epochs):
             order = torch.randperm(len(inputs), generator=generator, device=generator.device)
             for part in equal_parts(len(inputs), num_parts):
                 self._gradient_step(inputs, order[part], learning_rate)

@@ -51,6 +51,7 @@ from ludus.networks.tensors import (
     as_tensors,
     join_names,
     load_tensors,
+    take_rows,
     to_numbers,
     with_prefix,
 )
@@ -75,7 +76,7 @@ class PPO:
         parameters = itertools.chain(policy.parameters(), self._critic.parameters())
         self._optimiser = Adam(parameters, ADAM_EPSILON)
         can_do = PPOGradient.can_do(policy, self._critic, settings)
-        self._gradient = PPOGradient(policy, self._critic, config) if can_do else None
+        self._gradient = PPOGradient(policy, self._critic) if can_do else None
         self._forward = cast(
             Callable[[Inputs, Sequences | None], tuple[Tensor, Tensor]],
             cast(Any, torch).compile(self._outputs) if settings.is_compiled else self._outputs,
@@ -164,7 +165,8 @@ class PPO:
             # A copy: the next rollout overwrites the arrays of this one.
             every = torch.arange(len(transitions), device=self._device)
             transitions = replace(transitions.rows(every), sequences=transitions.sequences)
-        if len(transitions):
+        num_transitions = len(take_rows(transitions.value, transitions.valid_rows))
+        if num_transitions:
             self._pending = self._optimise(transitions)
             num_parts = math.ceil(len(transitions) / self.config.minibatch_size)
             num_calls = self.config.rollout_steps * len(self.recorder.steps)
@@ -174,11 +176,13 @@ class PPO:
             self._finish()
             losses, self._losses = self._losses, {}
         if self._curiosity is not None:
-            losses["novelty"] = self._curiosity.learn(self._learning_rate, self._generator)
+            losses["novelty"] = self._curiosity.learn(
+                self.config, self._learning_rate, self._generator
+            )
         self._update_statistics()
         self.recorder.restart()
         losses["learning_rate"] = self._learning_rate
-        losses["num_transitions"] = float(len(transitions))
+        losses["num_transitions"] = float(num_transitions)
         losses["has_reward"] = float(self._has_seen_reward)
         if self.policy.head.log_std is not None and self.policy.head.size:
             losses["action_std"] = float(self.policy.head.log_std.detach().exp().mean())
@@ -212,8 +216,9 @@ class PPO:
             num_epochs += 1
             if target_kl is not None and losses["approximate_kl"] > target_kl:
                 break
-        residual = (transitions.target - transitions.value).var(correction=0)
-        spread = transitions.target.var(correction=0).clamp(min=1e-12)
+        target = take_rows(transitions.target, transitions.valid_rows)
+        residual = (target - take_rows(transitions.value, transitions.valid_rows)).var(correction=0)
+        spread = target.var(correction=0).clamp(min=1e-12)
         losses["explained_variance"] = float(1 - residual / spread)
         losses["num_epochs"] = float(num_epochs)
         if self._imitation is not None:
@@ -229,7 +234,7 @@ class PPO:
         self._optimiser.zero_gradients()
         if self._gradient is not None:
             advantage = self._normalised(batch.advantage)
-            losses = self._gradient.add(batch, advantage, entropy_coefficient)
+            losses = self._gradient.add(batch, advantage, entropy_coefficient, config)
         else:
             losses = self._add_gradient(batch, entropy_coefficient)
         grad_norm = self._optimiser.clip_grad_norm(config.max_grad_norm)
@@ -339,7 +344,8 @@ class PPO:
         if not self._has_seen_reward:
             advantage = torch.zeros_like(advantage)
         if self._curiosity is not None:
-            bonus = self._curiosity.advantage(inputs, as_tensor(rollout.is_active, device))
+            is_active = as_tensor(rollout.is_active, device)
+            bonus = self._curiosity.advantage(inputs, is_active, self.config)
             advantage = torch.add(advantage, bonus, alpha=self.config.curiosity)
         transitions = Transitions(
             inputs.rows(slice(0, num_actions)), discrete, continuous, mask, log_prob,

@@ -32,11 +32,9 @@ class PPOGradient:
     Args:
         policy: The actor and its action distribution.
         critic: From features to a value.
-        config: Settings.
     """
 
-    def __init__(self, policy: Policy, critic: nn.Sequential, config: PPOConfig) -> None:
-        self._config = config
+    def __init__(self, policy: Policy, critic: nn.Sequential) -> None:
         self._actor = PerceptronGradient(policy.actor)
         self._critic = PerceptronGradient(critic)
         self._actions = ActionGradient(policy.head)
@@ -56,26 +54,30 @@ class PPOGradient:
         )
 
     @torch.inference_mode()
-    def add(self, batch: Transitions, advantage: Tensor, entropy_coefficient: float) -> Tensor:
+    def add(
+        self, batch: Transitions, advantage: Tensor, entropy_coefficient: float, config: PPOConfig
+    ) -> Tensor:
         """Add the gradient of the loss of some transitions; return ``LOSSES``.
 
         Args:
             batch: The transitions.
             advantage: ``float32[n]``, theirs, normalised or not.
             entropy_coefficient: Weight of the entropy bonus.
+            config: The other settings, which may change while a run goes on.
         """
         losses = torch.zeros(len(LOSSES))
         for part in equal_parts(len(batch), -(-len(batch) // MAX_ROWS)):
             rows = batch.rows(part)
-            terms = self._act(rows, advantage[part], entropy_coefficient, len(batch))
-            losses += torch.stack([*terms, self._judge(rows, len(batch))])
+            of_actor = rows, advantage[part], entropy_coefficient, config, len(batch)
+            losses += torch.stack([*self._act(*of_actor), self._judge(rows, config, len(batch))])
         return losses[[0, 4, 1, 2, 3]].div_(len(batch))
 
     def _act(
-        self, rows: Transitions, advantage: Tensor, entropy_coefficient: float, total: int
-    ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        self, rows: Transitions, advantage: Tensor, entropy_coefficient: float, config: PPOConfig,
+        total: int,
+    ) -> tuple[Tensor, Tensor, Tensor, Tensor]:  # fmt: skip
         """Add the gradient of the actor's terms; return four of the losses, summed over rows."""
-        clip_range = self._config.clip_range
+        clip_range = config.clip_range
         outputs = self._actor.forward(rows.inputs.vector)
         log_prob, entropy = self._actions.forward(
             outputs, rows.discrete, rows.continuous, rows.mask
@@ -92,9 +94,9 @@ class PPOGradient:
         num_clipped = (change.abs() > clip_range).sum()
         return -torch.minimum(gain, held_gain).sum(), entropy.sum(), kl, num_clipped
 
-    def _judge(self, rows: Transitions, total: int) -> Tensor:
+    def _judge(self, rows: Transitions, config: PPOConfig, total: int) -> Tensor:
         """Add the gradient of the critic's term; return its loss, summed over rows."""
-        clip_range = self._config.value_clip_range
+        clip_range = config.value_clip_range
         value = self._critic.forward(rows.inputs.vector).squeeze(1)
         error = value - rows.target
         loss = error.square()
@@ -104,5 +106,5 @@ class PPOGradient:
             is_free = (change.abs() <= clip_range) | (loss > held_loss)
             loss = torch.maximum(loss, held_loss)
             error = torch.where(is_free, error, 0.0)
-        self._critic.backward(error.unsqueeze(1) * (self._config.value_coefficient / total))
+        self._critic.backward(error.unsqueeze(1) * (config.value_coefficient / total))
         return 0.5 * loss.sum()

@@ -54,6 +54,12 @@ class Transitions:
             take_rows(self.target, index),
         )
 
+    @property
+    def valid_rows(self) -> Tensor | slice:
+        """Those of active slots: with a memory some, otherwise all."""
+        sequences = self.sequences
+        return slice(None) if sequences is None else sequences.rows[sequences.is_valid]
+
     def __len__(self) -> int:
         return len(self.log_prob)
 
