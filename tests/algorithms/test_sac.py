@@ -14,7 +14,7 @@ from torch.nn import functional
 from ludus.algorithms.learner import LearnerSettings
 from ludus.algorithms.losses import discrete_soft_value, squashed_log_prob
 from ludus.algorithms.sac import SAC, Minibatch
-from ludus.errors import ConfigError
+from ludus.errors import ConfigError, DivergenceError
 from ludus.networks.networks import Inputs
 from ludus.networks.policy import Policy
 from ludus.settings.train_config import SACConfig
@@ -283,6 +283,17 @@ def test_gradient_steps_drawn_together_equal_single_ones() -> None:
     sac = learner(CONTINUOUS, replace(CONFIG, updates_per_step=40.0))
     play(sac, 10, learns=False)
     assert sac.update(0.0)["gradient_steps"] == 20 * 13
+
+
+def test_a_state_that_has_diverged_is_told_before_it_is_saved() -> None:
+    sac = learner(CONTINUOUS)
+    play(sac, 10)
+    with torch.no_grad():
+        next(sac.policy.actor.parameters()).fill_(float("nan"))
+    sac._learn_owed()  # pyright: ignore[reportPrivateUsage]
+    with pytest.raises(DivergenceError, match=r": .* is nan"):
+        sac.state()
+    sac.state()  # to be inspected
 
 
 def test_no_losses_before_learning_starts() -> None:

@@ -114,7 +114,11 @@ class Learner(Protocol):
         ...
 
     def state(self) -> LearnerState:
-        """Return copies of all that a later run needs to go on."""
+        """Return copies of all that a later run needs to go on.
+
+        Raises:
+            DivergenceError: A loss since the last update was NaN or infinite; told once.
+        """
         ...
 
     def load_state(self, state: LearnerState) -> None:

@@ -198,7 +198,7 @@ class SAC:
         """Take the outcome of the last actions, and the observations to act on next."""
         self.recorder.record(engine, batch)
 
-    def _store(self, engine: int, fields: Mapping[str, NDArray[Any]]) -> None:
+    def _store(self, fields: Mapping[str, NDArray[Any]]) -> None:
         """Take the transitions of one step of one engine."""
         num_new = self._replay.add(fields)
         self._num_recorded += num_new
@@ -226,7 +226,7 @@ class SAC:
     def put(self, parts: Mapping[range, Recording]) -> None:
         """Take what the recorders on all machines have recorded, by engines."""
         for engine, fields in in_order(parts):
-            self._store(engine, fields)
+            self._store(fields)
             self.recorder.steps[engine] += 1
 
     def lose(self, engines: range, num_steps: int) -> None:
@@ -294,11 +294,7 @@ class SAC:
         """Take the gradient steps that are left; return means since the last update."""
         self._learn_owed()
         self._learning_rate = learning_rate_at(progress, self.config)
-        metrics: dict[str, float] = {}
-        if self._num_summed:
-            means = to_numbers(self._sums / self._num_summed)
-            metrics = dict(zip(LOSS_METRICS, means, strict=True))
-            check_finite_losses(self.policy.spec.name, metrics)
+        metrics = self._mean_losses()
         metrics["learning_rate"] = self._learning_rate
         metrics["gradient_steps"] = float(self._num_gradient_steps)
         metrics["replay_size"] = float(self._replay.size)
@@ -307,6 +303,19 @@ class SAC:
         self._num_summed = 0
         self._sums.zero_()
         return metrics
+
+    def _mean_losses(self) -> dict[str, float]:
+        """Return the means since the last update, none without gradient steps.
+
+        A NaN among them is told once, so that the state can be saved for inspection.
+        """
+        if not self._num_summed:
+            return {}
+        means = to_numbers(self._sums / self._num_summed)
+        losses: dict[str, float] = dict(zip(LOSS_METRICS, means, strict=True))
+        self._sums.nan_to_num_(0.0, 0.0, 0.0)
+        check_finite_losses(self.policy.spec.name, losses)
+        return losses
 
     def _minibatches(self, num_steps: int) -> Iterator[Minibatch]:
         """Yield as many minibatches, which are drawn, moved and normalised several at once."""
@@ -427,7 +436,13 @@ class SAC:
     # --- saving ---------------------------------------------------------------------------------
 
     def state(self) -> LearnerState:
-        """Return copies of networks, optimisers, statistics, random streams and replay."""
+        """Return copies of networks, optimisers, statistics, random streams and replay.
+
+        Raises:
+            DivergenceError: A loss since the last update was NaN or infinite; but see
+                :meth:`_mean_losses`.
+        """
+        self._mean_losses()
         modules = {name: module.state_dict() for name, module in self._modules().items()}
         optimisers = {name: each.state() for name, each in self._optimisers().items()}
         samples = {"samples": self._replay.newest(NUM_SAMPLES)}

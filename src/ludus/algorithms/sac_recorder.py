@@ -22,8 +22,8 @@ from ludus.spec.batch import ActionBatch, Batch
 
 __all__ = ["SACRecorder", "Store", "in_order"]
 
-Store = Callable[[int, Mapping[str, NDArray[Any]]], None]
-"""Gets an engine and its transitions of one step: views that are overwritten afterwards."""
+Store = Callable[[Mapping[str, NDArray[Any]]], None]
+"""Gets the transitions of one step of one engine: views that are overwritten afterwards."""
 
 
 class SACRecorder:
@@ -47,8 +47,8 @@ class SACRecorder:
         self, policy: Policy, settings: LearnerSettings, store: Store | None = None
     ) -> None:
         self.policy = policy
-        is_plain = settings.is_mixed or settings.is_compiled
-        self.actor: Network = policy.actor if is_plain else accelerate(policy.actor)
+        is_plain = not (settings.is_mixed or settings.is_compiled)
+        self.actor: Network = accelerate(policy.actor) if is_plain else policy.actor
         self.is_exploring = True
         self.number = 0
         self.acted = [0] * len(settings.engine_rows)
@@ -115,13 +115,13 @@ class SACRecorder:
     def record(self, engine: int, batch: Batch) -> None:
         """Take the outcome of the last actions, and the observations to act on next."""
         last, batch = self._last[engine], self._frames[engine].push_batch(batch)
-        self._store(engine, transitions(last, batch))
+        self._store(transitions(last, batch))
         last.write_state(batch)
         self.steps[engine] += 1
 
     # --- across machines ------------------------------------------------------------------------
 
-    def _keep(self, _: int, fields: Mapping[str, NDArray[Any]]) -> None:
+    def _keep(self, fields: Mapping[str, NDArray[Any]]) -> None:
         self._kept.append({name: values.copy() for name, values in fields.items()})
 
     def follow(self, number: int, is_exploring: bool) -> None:
