@@ -160,6 +160,15 @@ def test_a_callback_changes_settings_that_the_run_records(train_small: Any) -> N
     assert saved["origins"]["seed"] == "Python"
 
 
+def test_a_mode_that_a_callback_changes_lasts_over_the_phases(train_small: Any) -> None:
+    def on_update(training: Training) -> None:
+        if training.progress is not None and training.progress.agent_steps == 32:
+            training.change(policies={"agent": {"mode": "frozen"}})
+
+    run = train_small(on_update=on_update, schedule=[{"updates": 2}, {"updates": 2}])
+    assert {line["policies"]["agent"]["is_learning"] for line in run.metrics[1:]} == {0}
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

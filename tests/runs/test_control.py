@@ -98,6 +98,18 @@ def test_requests_change_a_running_run(small: Any) -> None:
     assert saved == [f"step-{step:012d}" for step in steps]
 
 
+def test_a_mode_that_changes_after_a_checkpoint_is_saved_with_it(small: Any) -> None:
+    config = small(checkpoint_every_updates=1)
+    run = config.runs / "run"
+    requests = [SetMode("agent", "frozen"), SaveRequest(), StopRequest()]
+    result = train(config, reporter=Asking(run, {2: requests}))
+    assert (result.stop_reason, result.updates) == ("stopped", 2)
+    *_, newest = RunFolder(run).checkpoints().paths()
+    checkpoint = read_checkpoint(newest)
+    assert checkpoint.run["seats"] == {"agent": {"mode": "frozen"}}
+    assert checkpoint.agent_steps == 128
+
+
 @pytest.mark.slow
 def test_a_mode_lasts_over_a_resumption_unless_the_settings_change(small: Any) -> None:
     config = small(total_steps=640, checkpoint_every_updates=None)

@@ -18,16 +18,22 @@ from typing import Any, cast
 import pytest
 import torch
 
+from ludus.algorithms.learner import LearnerState
+from ludus.algorithms.ppo import PPO
 from ludus.errors import CheckpointError, DivergenceError, EngineCrashed, RunError
 from ludus.play.evaluation import Evaluation
+from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.runs.checkpoint import Checkpoint, read_checkpoint
 from ludus.runs.metrics import METRICS, POLICY_METRICS, read_metrics
 from ludus.runs.run_folder import RunFolder
 from ludus.session.gymnasium_session import GymnasiumSession
+from ludus.settings.policy_config import Mode
+from ludus.settings.train_config import Phase
 from ludus.training import final_evaluation
 from ludus.training.loop import train
 from ludus.training.progress import Progress, SilentReporter
 from ludus.training.trainer import Trainer
+from tests.runs.test_damaged_runs import reseal
 
 ROOT = Path(__file__).parents[2]
 SAC_METRICS = {
@@ -187,6 +193,39 @@ def test_resume_at_a_limit_names_it_and_keeps_the_evaluation(
     assert re.search(r"max_time_s is 1000 s: \d+ s of it are left", caplog.text)
 
 
+def test_an_evaluation_of_before_is_no_result_of_a_run_that_went_on(small: Any) -> None:
+    first = train(small(evaluation_episodes=2))
+    further = small(evaluation_episodes=2, total_steps=1280)
+    second = train(further, resume=first.path, reporter=Killer(signal.SIGINT, after=5))
+    assert second.stop_reason == "interrupted"
+    assert not (first.path / "evaluation.json").exists()
+    assert train(further, resume=first.path).evaluation
+
+
+def test_a_corrupt_checkpoint_is_left_out_though_settings_differ(
+    small: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    first = train(small())
+    *_, path = RunFolder(first.path).checkpoints().paths()
+    reseal(path, lambda state: state["run"].pop("wall_s"))
+    changed = replace(small(), ppo=replace(small().ppo, learning_rate=1e-5))
+    assert train(changed, resume=first.path).agent_steps == 640
+    assert f"{path} was renamed to unloadable-{path.name}" in caplog.text
+
+
+def test_an_evaluation_that_never_ends_is_played_once(
+    small: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def never_ends(*_: Any, **__: Any) -> Any:
+        played.append(True)
+        raise RunError("no episode ended")
+
+    played: list[bool] = []
+    monkeypatch.setattr(final_evaluation, "evaluate", never_ends)
+    result = train(small(target_return=-1e9, return_window=1, evaluation_episodes=2))
+    assert (result.stop_reason, result.evaluation, len(played)) == ("target_return", {}, 1)
+
+
 def test_divergence_saves_the_state_and_keeps_good_checkpoints(small: Any) -> None:
     config = small("gym:Poisoned-v0", ppo={"scale_reward": False}, checkpoint_every_updates=1)
     with pytest.raises(DivergenceError, match=r"policy agent: .*value_loss is inf") as info:
@@ -196,6 +235,77 @@ def test_divergence_saves_the_state_and_keeps_good_checkpoints(small: Any) -> No
     assert read_checkpoint(run / "diverged").agent_steps > newest(run).agent_steps > 0
     weights = newest(run).learners["agent"].tensors.values()
     assert all(torch.isfinite(tensor.double()).all() for tensor in weights)
+
+
+def test_divergence_in_the_last_gradient_steps_saves_the_state(
+    small: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def diverge(ppo: PPO) -> LearnerState:
+        if trainers[0].updates == 2 and len(trainers) == 1:
+            trainers.append(trainers[0])
+            raise DivergenceError("policy agent: value_loss is nan", "lower it")
+        return state(ppo)
+
+    def run(trainer: Trainer, *arguments: Any) -> Any:
+        trainers.append(trainer)
+        return run_trainer(trainer, *arguments)
+
+    trainers: list[Trainer] = []
+    state, run_trainer = PPO.state, Trainer.run
+    monkeypatch.setattr(PPO, "state", diverge)
+    monkeypatch.setattr(Trainer, "run", run)
+    config = small(total_steps=128, checkpoint_every_updates=None)
+    with pytest.raises(DivergenceError, match="value_loss is nan"):
+        train(config)
+    assert read_checkpoint(config.runs / "run" / "diverged").agent_steps == 128
+
+
+def test_divergence_while_engines_simulate_leaves_none_in_a_step(
+    small: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def diverge(_: PPO) -> None:
+        raise DivergenceError("policy agent: value_loss is nan", "lower it")
+
+    def send(pool: EnginePool, engine: int, actions: Any) -> None:
+        in_flight.add(engine)
+        send_to(pool, engine, actions)
+
+    def receive(pool: EnginePool, engine: int) -> Any:
+        in_flight.discard(engine)
+        return receive_from(pool, engine)
+
+    in_flight: set[int] = set()
+    send_to, receive_from = EnginePool.send, EnginePool.receive
+    monkeypatch.setattr(PPO, "learn_while_stepping", diverge)
+    monkeypatch.setattr(EnginePool, "send", send)
+    monkeypatch.setattr(EnginePool, "receive", receive)
+    with open_pool("gym:Identity-discrete-v0", PoolConfig(num_worlds=4, num_engines=2)) as pool:
+        with pytest.raises(DivergenceError):
+            train(small(ppo={"overlap": True}), pool=pool)
+        assert not in_flight
+        pool.reset(0)
+
+
+def test_what_is_frozen_has_learnt_all_that_was_left(
+    small: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With overlap, gradient steps are left when a phase ends; a save would take them later."""
+    is_equal_after: list[bool] = []
+
+    def set_mode(trainer: Trainer, policy: str, mode: Mode) -> None:
+        set_mode_of(trainer, policy, mode)
+        if trainer.updates:
+            ppo: Any = trainer._learners[policy]  # pyright: ignore[reportPrivateUsage]
+            before = [parameter.clone() for parameter in ppo.policy.parameters()]
+            ppo.state()
+            after = ppo.policy.parameters()
+            is_equal_after.append(all(map(torch.equal, before, after)))
+
+    set_mode_of = Trainer.set_mode
+    monkeypatch.setattr(Trainer, "set_mode", set_mode)
+    schedule = (Phase(3, {}), Phase(1, {"agent": "frozen"}))
+    train(small(ppo={"overlap": True}, schedule=schedule))
+    assert is_equal_after[:2] == [True, True]
 
 
 def test_a_full_disk_ends_the_run_with_one_error(

@@ -32,14 +32,21 @@ from safetensors.torch import save as save_safetensors
 from torch import Tensor
 
 from ludus.algorithms.learner import LearnerState
-from ludus.disk import disk_errors, parse_json, read_plain_file, sync_folder, write_synced
+from ludus.disk import (
+    disk_errors,
+    parse_json,
+    read_plain_file,
+    sync_folder,
+    write_atomically,
+    write_synced,
+)
 from ludus.errors import CheckpointError, ConfigError, LudusError
 from ludus.networks.tensors import join_names, with_prefix
 from ludus.pool import Pool
 from ludus.spec import PolicySpec
 
-__all__ = ["Checkpoint", "CheckpointStore", "check_spec", "checkpoint_errors", "read_checkpoint",
-           "resume_spec", "write_checkpoint"]  # fmt: skip
+__all__ = ["Checkpoint", "CheckpointStore", "CorruptError", "check_spec", "checkpoint_errors",
+           "read_checkpoint", "resume_spec", "write_checkpoint"]  # fmt: skip
 
 FORMAT = 2
 TENSORS, REPLAY, STATE = "tensors.safetensors", "replay.safetensors", "state.json"
@@ -178,7 +185,7 @@ def checkpoint_errors(path: Path) -> Generator[None, None, None]:
         raise _corrupt(path, f"{type(error).__name__}: {error}") from error
 
 
-class _CorruptError(CheckpointError):
+class CorruptError(CheckpointError):
     """A checkpoint is damaged; an older one may not be."""
 
 
@@ -256,10 +263,12 @@ class CheckpointStore:
     def write(self, checkpoint: Checkpoint) -> Path:
         """Save a checkpoint, then drop those that are neither new nor best."""
         path = self.folder / f"step-{checkpoint.agent_steps:012d}"
-        if not self._is_written(path):  # else nothing was learnt since then
-            write_checkpoint(path, checkpoint)
-            with disk_errors(f"the checkpoints in {self.folder}"):
-                self._prune(path)
+        if self._is_written(path):  # nothing was learnt since then
+            _write_modes(path, checkpoint)
+            return path
+        write_checkpoint(path, checkpoint)
+        with disk_errors(f"the checkpoints in {self.folder}"):
+            self._prune(path)
         return path
 
     def keep(self, checkpoint: Checkpoint, updates: int) -> Path:
@@ -313,7 +322,7 @@ class CheckpointStore:
                 tried.add(path)
                 try:
                     taken = take(path, read_checkpoint(path, has_replay=has_replay))
-                except _CorruptError as error:
+                except CorruptError as error:
                     log.warning("%s; trying an older one", error.message)
                     continue
                 except _MissingError:
@@ -374,6 +383,16 @@ class CheckpointStore:
             (path / REPLAY).unlink(missing_ok=True)  # large, and only the newest is resumed
 
 
+def _write_modes(path: Path, checkpoint: Checkpoint) -> None:
+    """Note who learns now in a checkpoint that was written before."""
+    state = _read_state(path)
+    if state["run"].get("seats") != checkpoint.run.get("seats"):
+        state["run"]["seats"] = checkpoint.run["seats"]
+        state.pop("state_sha256", None)
+        with disk_errors(f"the checkpoint {path}"):
+            write_atomically(path / STATE, _seal(state))
+
+
 def _mean_return(path: Path) -> tuple[float] | None:
     try:
         value = _read_state(path).get("mean_return")
@@ -405,7 +424,7 @@ def _read_state(path: Path) -> dict[str, Any]:
         raise _corrupt(path, f"{STATE} has changed since it was saved")
     values = cast(dict[str, Any], state)
     if values.get("format") != FORMAT:
-        raise _CorruptError(
+        raise CorruptError(
             f"{path} has format {values.get('format')}, this version reads {FORMAT}",
             "use the version of ludus that wrote it",
         )
@@ -417,7 +436,7 @@ def _read_state(path: Path) -> dict[str, Any]:
 
 
 def _corrupt(path: Path, reason: str) -> CheckpointError:
-    return _CorruptError(
+    return CorruptError(
         f"the checkpoint {path} is corrupt: {reason}",
         "delete that folder; resuming uses the newest checkpoint that can be loaded",
     )

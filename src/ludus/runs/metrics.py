@@ -69,7 +69,7 @@ POLICY_METRICS: dict[str, str] = {
     "has_reward": "PPO: 1 once a reward other than 0 was seen; the actor waits for it.",
     "novelty": "PPO with curiosity: mean error of what predicts features of observations.",
     "learning_rate": "Step size of the optimiser in this update.",
-    "action_std": "PPO: mean standard deviation of continuous actions, where the bounds are -1 and 1.",
+    "action_std": "PPO: mean standard deviation of continuous actions, whose bounds are -1 and 1.",
     "imitation_weight": "PPO: weight of the demonstrations' loss; with imitate only.",
     "imitation_loss": "PPO: mean negative log-probability of demonstrated actions, nats; with "
     "imitate only, until its weight is negligible.",

@@ -211,9 +211,10 @@ class RunFolder:
             write_atomically(path, json.dumps(values, indent=2).encode() + b"\n")
 
     def forget_result(self) -> None:
-        """Remove the result of what trained here before."""
-        with disk_errors(str(self.result)):
-            self.result.unlink(missing_ok=True)
+        """Remove result and evaluation of what trained here before."""
+        for path in (self.result, self.evaluation):
+            with disk_errors(str(path)):
+                path.unlink(missing_ok=True)
 
     def discard_if_unused(self, but: Collection[str] = ()) -> bool:
         """Remove the folder if it holds nothing; only for who has made it.

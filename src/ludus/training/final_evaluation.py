@@ -41,7 +41,7 @@ class FinalEvaluation:
         self._policies = {name: learner.policy for name, learner in learners.items()}
         self._pool = pool
         self._reporter = reporter
-        self._found: dict[str, Evaluation] = {}
+        self._found: dict[str, Evaluation] | None = None
 
     def is_confirmed(self) -> bool:
         """Return whether the target return holds, which drawn actions have reached in training.
@@ -67,7 +67,7 @@ class FinalEvaluation:
 
     def play(self) -> dict[str, Evaluation]:
         """Return how the policies play; nothing where that is not asked for, or never ends."""
-        return self._found or self._evaluate()
+        return self._evaluate() if self._found is None else self._found
 
     def _evaluate(self) -> dict[str, Evaluation]:
         config, pool = self._trainer.config, self._pool

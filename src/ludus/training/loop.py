@@ -26,7 +26,7 @@ from ludus.errors import CheckpointError, DivergenceError, RunError, UsageError
 from ludus.play.evaluation import Evaluation
 from ludus.pool import EnginePool, Pool, PoolConfig, open_pool
 from ludus.printing import PrintableFormatter
-from ludus.runs.checkpoint import Checkpoint, checkpoint_errors, resume_spec
+from ludus.runs.checkpoint import Checkpoint, CorruptError, checkpoint_errors, resume_spec
 from ludus.runs.curve import draw_learning_curve
 from ludus.runs.metrics import MetricsLog
 from ludus.runs.run_folder import RunFolder
@@ -211,7 +211,9 @@ def _resume(
                 made[0].resume(checkpoint)
         except CheckpointError as error:
             own = [text for text in texts if text.startswith("policies.")]
-            raise error if not own else _misfit(path, own) from error
+            if own and not isinstance(error, CorruptError):
+                raise _misfit(path, own) from error
+            raise
         log.info("resumed from %s", path)
         if texts:
             log.warning("%s goes on with other settings: %s", folder.path, "; ".join(texts))

@@ -226,6 +226,7 @@ class Trainer:
             else:
                 self._reset()
                 reason = self._loop(is_stopping, reporter, callback, metrics, is_confirmed)
+            self.save()
         except DivergenceError as error:
             raise self._save_diverged(error) from None
         except Exception:  # of an engine, a script's callback, the disk, or a defect
@@ -234,7 +235,6 @@ class Trainer:
         finally:
             with contextlib.suppress(RunError):  # each line was written, or reported, at once
                 metrics.close()
-        self.save()
         return reason
 
     def _loop(
@@ -258,6 +258,7 @@ class Trainer:
             shares = self._shares(times, end - update_start, end - start)
             speed = (self.agent_steps - steps_before) / (end - start)
             policies = {name: self._policy_metrics(name, losses) for name in self._learners}
+            self._advance()  # at once, so that what is saved after an error has advanced, too
             run_metrics = {
                 "agent_steps": self.agent_steps,
                 "updates": self.updates,
@@ -272,7 +273,6 @@ class Trainer:
             self.progress = self._progress(speed, policies)
             reporter.updated(self.progress)
             self._diagnosis.check(policies, self.agent_steps)
-            self._advance()
             is_resetting = self._advance_lesson()
             if self._is_time_to_save():
                 self.save()
@@ -373,9 +373,12 @@ class Trainer:
 
         What it has collected and not learnt from yet is dropped.
         """
-        if self._slots[policy].mode != mode:
+        learner, slot = self._learners[policy], self._slots[policy]
+        if slot.mode != mode:
+            if slot.mode == "train" and isinstance(learner, PPO):
+                learner.learn_meanwhile()  # with overlap; what is frozen does not change any more
             log.info("policy %s: %s, after %d updates", policy, mode, self.updates)
-            self._slots[policy].set_mode(mode)
+            slot.set_mode(mode)
         self._note_learning()
 
     def follow_episodes(self, on_episodes: OnEpisodes) -> None:
@@ -394,6 +397,7 @@ class Trainer:
             if isinstance(learner, PPO | SAC):
                 cast(Any, learner).config = settings
         self.config = config
+        self._schedule = ModeSchedule(config)
 
     def _note_learning(self) -> None:
         if self._league is not None:
@@ -425,8 +429,8 @@ class Trainer:
         if is_confirmed():
             return reason
         self._forget_returns()
-        self._pool.take_metrics()  # of what was played meanwhile
         self._reset()
+        self._pool.take_metrics()  # of what was played meanwhile, which a reset brings
         return None
 
     # --- measuring ------------------------------------------------------------------------------

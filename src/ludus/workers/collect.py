@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+from ludus.errors import DivergenceError
 from ludus.league.policy_slot import PolicySlot
 from ludus.league.seats import Match, Seats
 from ludus.play.episodes import EndedEpisodes, EpisodeTracker
@@ -129,8 +130,14 @@ class Collector:
             for engine in self._engines:
                 if in_flight[engine]:
                     self._receive(engine, step - 1)
-                self._send(engine)
                 in_flight[engine] = True
+                try:
+                    self._send(engine)
+                except DivergenceError:  # of a gradient step; who owns the pool goes on with it
+                    for each in self._engines:
+                        if in_flight[each]:
+                            self._pool.receive(each)
+                    raise
             last = step
         for engine in self._engines:
             if in_flight[engine]:
