@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -15,11 +16,18 @@ from typing import Any
 import pytest
 
 import ludus
+from ludus.algorithms.learners import make_learners
 from ludus.cli.main import main
-from ludus.errors import ConfigError, RunError, SetupError
+from ludus.errors import ConfigError, EngineStartError, RunError, SetupError
+from ludus.runs.run_folder import RunFolder
+from ludus.settings.train_config import TrainConfig
+from ludus.training import loop
 from ludus.tuning.sweeping import USUAL_SPACE, Trial
+from tests.training.environments import register
 
+register()
 TARGET = "gym:CartPole-v1"
+TWO_CHOICES = "gym:Identity-multi_discrete-v0"
 SMALL: dict[str, Any] = {
     "num_worlds": 4, "num_engines": 1, "total_steps": 512, "seed": 5, "name": "sweep",
     "ppo": {"rollout_steps": 16, "hidden_sizes": [8]},
@@ -137,6 +145,92 @@ def test_a_killed_sweep_goes_on_with_the_run_that_was_cut_off(
     steps = [line["agent_steps"] for line in ludus_metrics(run)]
     assert steps == sorted(set(steps))
     assert steps[-1] >= 20000
+
+
+@pytest.mark.libraries
+@pytest.mark.parametrize(("seeds", "cut_off"), [(1, "trial-001"), (2, "trial-000-1")])
+def test_a_run_that_was_cut_off_before_its_first_checkpoint_begins_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seeds: int, cut_off: str
+) -> None:
+    run = tmp_path / "sweep/trials" / cut_off
+    output = run / "engine-logs/engine-0.log"
+
+    def fail_once(config: TrainConfig, pool: Any, own: Any, **others: Any) -> Any:
+        if config.name == cut_off and not run.with_name("failed").exists():
+            output.parent.mkdir()
+            output.write_text("what an engine printed")
+            run.with_name("failed").touch()
+            raise EngineStartError("it did not start")
+        return make_learners(config, pool, own, **others)
+
+    monkeypatch.setattr(loop, "make_learners", fail_once)
+    with pytest.raises(EngineStartError):
+        ludus.sweep(TARGET, SPACE, trials=3 - seeds, seeds=seeds, runs=tmp_path, **SMALL)
+    with RunFolder(run).locked(), pytest.raises(RunError, match="trained by another process"):
+        ludus.sweep(resume=tmp_path / "sweep", trials=3 - seeds)
+    assert output.exists()
+    sweep = ludus.sweep(resume=tmp_path / "sweep", trials=3 - seeds)
+    assert [trial.path.name for trial in sweep.trials] == ["trial-000", "trial-001"][: 3 - seeds]
+    assert {trial.state for trial in sweep.trials} == {"complete"}
+    assert not output.exists()
+    assert ludus_metrics(run)[-1]["agent_steps"] == 512
+
+
+@pytest.mark.libraries
+@pytest.mark.parametrize(
+    ("space", "unfit", "message"),
+    [
+        (
+            {"ppo.rollout_steps": "16,24"},
+            {"ppo.rollout_steps": 24},
+            "failed: ppo: rollout_steps must be a multiple of sequence_length, 16",
+        ),
+        (
+            {"algorithm": "ppo,sac"},
+            {"algorithm": "sac"},
+            "failed: policy agent: sac needs continuous actions or one discrete choice",
+        ),
+    ],
+    ids=["sequence", "algorithm"],
+)
+def test_a_proposal_that_does_not_fit_is_a_failed_trial(
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    space: dict[str, str],
+    unfit: dict[str, Any],
+    message: str,
+) -> None:
+    own: dict[str, Any] = {
+        **SMALL, "total_steps": 128, "ppo": {"rollout_steps": 16, "memory_size": 4},
+    }  # fmt: skip
+    sweep = ludus.sweep(TWO_CHOICES, space, trials=6, runs=tmp_path, **own)
+    assert len(sweep.trials) == 6
+    assert [trial.values for trial in sweep.trials if trial.state == "failed"]
+    for trial in sweep.trials:
+        assert trial.state == ("failed" if trial.values == unfit else "complete")
+    assert re.search(message, caplog.text)
+
+
+@pytest.mark.libraries
+def test_settings_that_do_not_fit_as_they_are_end_the_sweep(tmp_path: Path) -> None:
+    own: dict[str, Any] = {**SMALL, "algorithm": "sac"}
+    with pytest.raises(ConfigError, match="sac needs"):
+        ludus.sweep(TWO_CHOICES, {"sac.discount": "0.9,0.95"}, runs=tmp_path, **own)
+
+
+@pytest.mark.libraries
+def test_what_is_no_fault_of_a_proposal_ends_the_sweep(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: Any) -> Any:
+        raise ConfigError("the engine is gone")
+
+    ludus.sweep(TARGET, SPACE, trials=1, runs=tmp_path, **SMALL)
+    with monkeypatch.context() as patch, pytest.raises(ConfigError, match="the engine is gone"):
+        patch.setattr(loop, "open_pool", refuse)
+        ludus.sweep(resume=tmp_path / "sweep", trials=3)
+    sweep = ludus.sweep(resume=tmp_path / "sweep", trials=3)
+    assert {trial.state for trial in sweep.trials} == {"complete"}
 
 
 def ludus_metrics(path: Path) -> list[dict[str, Any]]:

@@ -51,7 +51,7 @@ def sweep(
     Raises:
         ArgumentError: An argument has the wrong type.
         SetupError: Optuna is missing.
-        ConfigError: A setting is unknown or does not fit.
+        ConfigError: A setting is unknown, or does not fit; one that was proposed fails its trial.
         RunError: Another process runs this sweep, or a file cannot be written.
         EngineError: An engine failed for good; ``resume`` goes on.
     """

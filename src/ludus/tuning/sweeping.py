@@ -10,13 +10,15 @@
         sweep.png           scores by trial and by setting
 
 The first trial has the settings as they are, those of the scene among them, to compare with. A
-sweep that was killed goes on: the trial that was under way is resumed from its checkpoint.
+sweep that was killed goes on: the trial that was under way is resumed from its checkpoint, or
+begins again if it had none. A trial fails if a loss became NaN, or if its settings do not fit.
 """
 
 from __future__ import annotations
 
 import json
 import logging
+import shutil
 import time
 from collections import ChainMap
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -28,7 +30,14 @@ from typing import Any, Literal
 import numpy as np
 
 from ludus.disk import disk_errors, read_json, write_atomically
-from ludus.errors import ConfigError, DivergenceError, RunError, SetupError
+from ludus.errors import (
+    ConfigError,
+    DivergenceError,
+    LudusError,
+    RunError,
+    SetupError,
+    TargetError,
+)
 from ludus.locks import LockHeld, file_lock
 from ludus.runs.run_folder import RunFolder
 from ludus.runs.trust import PROGRAM_SETTINGS, make_mark, require_trust
@@ -184,7 +193,7 @@ def run_sweep(
 
     Raises:
         SetupError: Optuna is missing.
-        ConfigError: Settings do not fit.
+        ConfigError: Settings do not fit as they are; a proposal that does not is a failed trial.
         RunError: Another process runs this sweep, or a file cannot be written.
         EngineError: An engine failed for good; ``resume`` goes on.
     """
@@ -237,6 +246,9 @@ class _Runner:
         # Another order of draws than before the interruption would repeat proposals.
         self._study.sampler.reseed_rng()
         for trial in self._study.get_trials(states=(self._optuna.trial.TrialState.RUNNING,)):
+            if "run" in trial.user_attrs:
+                num_ended = len(trial.user_attrs.get("outcomes", []))
+                _discard_unless_begun(self._run_path(trial.user_attrs["run"], num_ended))
             self._study.tell(trial.number, state=self._optuna.trial.TrialState.FAIL)
             self._study.set_user_attr(f"again-{trial.number}", True)
             self._study.enqueue_trial(trial.params, user_attrs=trial.user_attrs)
@@ -302,13 +314,24 @@ class _Runner:
                 outcomes.append(self._score(result))
                 trial.set_user_attr("outcomes", outcomes)
         except DivergenceError as error:
-            log.warning("trial %d: %s", trial.number, error.message)
-            self._study.tell(trial, state=self._optuna.trial.TrialState.FAIL)
+            self._fail(trial, error)
+        except (ConfigError, TargetError) as error:
+            if AS_IS in trial.user_attrs:
+                raise
+            # What is no fault of the proposal, such as a missing engine, would fail all the others.
+            _policies_of(self._layers, self._base)
+            self._fail(trial, error)
         else:
             self._tell(trial, outcomes, is_pruned=watch.is_pruned)
         if on_trial is not None:
             on_trial(self._trials()[-1])
         return None
+
+    def _fail(self, trial: Any, error: LudusError) -> None:
+        """Record a trial that has no score."""
+        name = f"trial {trial.number}"  # errors of settings begin with it
+        log.warning("%s failed: %s", name, error.message.removeprefix(f"{name}: "))
+        self._study.tell(trial, state=self._optuna.trial.TrialState.FAIL)
 
     def _tell(self, trial: Any, outcomes: Sequence[Any], *, is_pruned: bool) -> None:
         """Record a trial that has ended, by the score and success of each of its runs."""
@@ -321,19 +344,21 @@ class _Runner:
         else:
             self._study.tell(trial, score)
 
+    def _run_path(self, trial: str, run: int) -> Path:
+        """Return the folder of one of the runs of a trial."""
+        return self._folder / "trials" / (f"{trial}-{run}" if run else trial)
+
     def _train(
         self, number: int, trial: str, run: int, values: Mapping[str, Any], hooks: Hooks
     ) -> RunResult:
         own = Layer(f"trial {number}", nest(values))
-        name = f"{trial}-{run}" if run else trial
-        place: dict[str, Any] = {"runs": str(self._folder / "trials"), "name": name}
+        path = self._run_path(trial, run)
+        place: dict[str, Any] = {"runs": str(path.parent), "name": path.name}
         seed = self._seed + int(trial.removeprefix("trial-")) * self._seeds + run
         place |= {"seed": seed, "evaluation_episodes": 0}
-        path = self._folder / "trials" / name
-        has_begun = path.is_dir() and bool(RunFolder(path).checkpoints().paths())
         return train(
             (*self._layers, own, Layer("sweep", place)),
-            resume=path if has_begun else None,
+            resume=path if _has_begun(path) else None,
             hooks=hooks,
         )
 
@@ -372,6 +397,26 @@ class _Runner:
                 )
             )
         return found
+
+
+def _has_begun(path: Path) -> bool:
+    """Return whether a run has a checkpoint to go on from; it writes one before its first step."""
+    store = RunFolder(path).checkpoints()
+    return bool(store.paths() or store.kept())
+
+
+def _discard_unless_begun(path: Path) -> None:
+    """Remove the folder of a run that was cut off too early to be resumed.
+
+    Raises:
+        RunError: Another process trains in it, or it cannot be removed.
+    """
+    if not path.exists() or _has_begun(path):
+        return
+    with RunFolder(path).locked():  # but not during removal: Windows keeps a file that is open
+        log.info("%s has no checkpoint, so this run begins again", path)
+    with disk_errors(f"the run folder {path}"):
+        shutil.rmtree(path)
 
 
 def _objective(asked: Objective | None, base: TrainConfig) -> Objective:
