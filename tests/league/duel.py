@@ -17,6 +17,7 @@ SETTINGS = PPOConfig(hidden_sizes=(4,))
 
 FIGHTER = """\
 extends Node
+@export var life: int = 3
 var steps: int = 0
 var choice: int = 0
 func apply_action(action: int) -> void:
@@ -27,7 +28,7 @@ func get_reward() -> float:
 	steps += 1
 	return choice
 func is_done() -> bool:
-	return steps == 3
+	return steps == life
 func reset() -> void:
 	steps = 0
 """
@@ -51,20 +52,30 @@ episode_mode = 1
 FIGHTER_NODE = """\
 [node name="Fighter{index}" type="Node" parent="."]
 script = ExtResource("1")
+life = {life}
 [node name="LudusAgent" type="Node" parent="Fighter{index}"]
 script = ExtResource("2")
 policy_name = "{policy}"
 action = Array[ExtResource("3")]([SubResource("a")])
 """
 
-SCENES = {"duel": ("hero", "foe"), "mirror": ("twin", "twin"), "trio": ("hero", "foe", "third")}
+SCENES = {
+    "duel": (("hero", 3), ("foe", 3)),
+    "mirror": (("twin", 3), ("twin", 3)),
+    "trio": (("hero", 3), ("foe", 3), ("third", 3)),
+    "squads": (("hero", 1), ("hero", 4), ("foe", 4), ("foe", 4)),
+}
+"""Policy of each fighter, and the steps after which it dies."""
 
 
 def make_project(folder: Path) -> Path:
-    """Return a project with the scenes ``duel``, ``mirror`` and ``trio``."""
+    """Return a project with the scenes of ``SCENES``."""
     files = {"fighter.gd": FIGHTER}
-    for scene, policies in SCENES.items():
-        nodes = (FIGHTER_NODE.format(index=i, policy=name) for i, name in enumerate(policies))
+    for scene, fighters in SCENES.items():
+        nodes = (
+            FIGHTER_NODE.format(index=i, policy=name, life=life)
+            for i, (name, life) in enumerate(fighters)
+        )
         files[f"{scene}.tscn"] = HEAD + "".join(nodes)
     return write_project(folder, files, main="duel")
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from numpy.typing import NDArray
 
 from ludus.errors import ConfigError
 from ludus.league.league import League
@@ -31,6 +32,7 @@ def spec(name: str, agents_per_world: int = 1, **changes: Any) -> PolicySpec:
 
 DUEL = {"hero": spec("hero"), "foe": spec("foe")}
 MIRROR = {"twin": spec("twin", 2)}
+SQUADS = {"red": spec("red", 2), "blue": spec("blue", 2)}
 
 
 def batches(specs: dict[str, PolicySpec], **columns: dict[str, Any]) -> Batches:
@@ -104,10 +106,43 @@ def test_rewards_of_inactive_agents_do_not_count() -> None:
     tracker = MatchTracker(Teams.of(DUEL))
     active = np.asarray([True] + [False] * 5)
     tracker.begin(batches(DUEL, active={"hero": active}))
-    over = {"terminated": {"hero": np.ones(6, np.bool_)}}
-    finished = tracker.record(batches(DUEL, reward={"hero": 3.0, "foe": 1.0}, **over))
+    ends = {"terminated": {"hero": np.ones(6, np.bool_), "foe": active}}
+    finished = tracker.record(batches(DUEL, reward={"hero": 3.0, "foe": 1.0}, **ends))
     assert finished.worlds.tolist() == [0]
     assert finished.returns.tolist() == [[3.0, 1.0]]
+
+
+def only(policy: PolicySpec, *slots: int) -> NDArray[np.bool_]:
+    return np.isin(np.arange(policy.num_agents), slots)
+
+
+def test_a_game_of_squads_ends_with_its_last_agent() -> None:
+    """In world 0 one red agent dies, then the other, then both blue ones; each death costs 1."""
+    tracker = MatchTracker(Teams.of(SQUADS))
+    tracker.begin(batches(SQUADS))
+    red, blue = SQUADS.values()
+    first, second, both = only(red, 0), only(red, 1), only(blue, 0, 1)
+    for dead, waiting in ((first, first), (second, first | second)):
+        step = {"terminated": {"red": dead}, "reward": {"red": -1.0 * dead}}
+        finished = tracker.record(batches(SQUADS, active={"red": ~waiting}, **step))
+        assert finished.worlds.tolist() == []
+    step = {"terminated": {"blue": both}, "reward": {"blue": -1.0 * both}}
+    finished = tracker.record(batches(SQUADS, **step))
+    assert finished.worlds.tolist() == [0]
+    assert finished.returns.tolist() == [[-2.0, -2.0]]
+    assert tracker.record(batches(SQUADS)).worlds.tolist() == []
+
+
+def test_a_game_of_one_policy_ends_with_its_last_agent() -> None:
+    one = league(MIRROR)
+    one.advance(0)
+    one.seats.begin(0, batches(MIRROR))
+    lineup = one.slots("twin")[:2].tolist()
+    first, second = (only(MIRROR["twin"], slot) for slot in (0, 1))
+    dies: dict[str, Any] = {"truncated": {"twin": first}, "active": {"twin": ~first}}
+    assert one.seats.record(0, batches(MIRROR, **dies)) == []
+    wins: dict[str, Any] = {"terminated": {"twin": second}, "reward": {"twin": 1.0}}
+    assert one.seats.record(0, batches(MIRROR, **wins)) == [(lineup, [0.0, 1.0])]
 
 
 @pytest.mark.parametrize(

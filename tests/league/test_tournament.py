@@ -101,6 +101,15 @@ def test_three_policies_make_three_tables(pool: EnginePool) -> None:
 
 
 @pytest.mark.engine
+@pytest.mark.parametrize("pool", ["squads"], indirect=True)
+def test_a_game_goes_on_when_one_of_a_team_has_died(pool: EnginePool) -> None:
+    league_players = {"hero": players(pool, "hero", 3), "foe": players(pool, "foe", 2)}
+    (table,) = play_tournament(league_players, pool, GAMES)
+    # 3 + 4 * 3 against 2 * 4 * 2; when the first hero dies, it is 6 against 4.
+    assert table.losses.tolist() == [[6]]
+
+
+@pytest.mark.engine
 @pytest.mark.parametrize("pool", ["duel"], indirect=True)
 def test_games_of_an_engine_that_died_are_played_again(pool: EnginePool) -> None:
     league_players = {"hero": players(pool, "hero", 3), "foe": players(pool, "foe", 2)}

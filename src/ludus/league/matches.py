@@ -105,8 +105,11 @@ class MatchTracker:
             was_active[...] = batches[name].active
 
     def record(self, batches: Batches) -> FinishedMatches:
-        """Take the outcome of a step; return the games it ended."""
-        has_ended = np.zeros(self._shape[0], np.bool_)
+        """Take the outcome of a step; return the games it ended.
+
+        A game ends with the last of its agents; those that end before wait (PROTOCOL.md §4).
+        """
+        has_ended, goes_on = np.zeros((2, self._shape[0]), np.bool_)
         for name, was_active in self._was_active.items():
             batch = batches[name]
             counted = np.bincount(
@@ -115,8 +118,9 @@ class MatchTracker:
             self._returns += counted.reshape(self._shape)
             is_over = (batch.terminated | batch.truncated) & was_active
             has_ended[self._teams.worlds[name][is_over]] = True
+            goes_on[self._teams.worlds[name][was_active & batch.active & ~is_over]] = True
             was_active[...] = batch.active
-        worlds = has_ended.nonzero()[0]
+        worlds = (has_ended & ~goes_on).nonzero()[0]
         finished = FinishedMatches(worlds, self._returns[worlds])
         self._returns[worlds] = 0.0
         return finished
