@@ -21,6 +21,7 @@ from ludus.wire.spec_reader import read_spec
 from tests.wire.golden import load
 
 SPEC = read_spec(load("spec_flat").content)
+SEEDS = range(SPEC.num_worlds)
 FILE = """\
 [randomise]
 gravity = { uniform = [5, 15] }
@@ -77,7 +78,7 @@ def test_mistakes_name_the_setting(tmp_path: Path, text: str, message: str) -> N
 
 
 def drawn(parameters: dict[str, Parameter], count: int) -> list[dict[str, Any]]:
-    own = WorldParameters(parameters, SPEC, 1)
+    own = WorldParameters(parameters, SPEC, SEEDS)
     own.complete(ResetRequest.all_worlds(SPEC.num_worlds, 11))
     return [own.draw(0) for _ in range(count)]
 
@@ -105,7 +106,7 @@ def test_samplers_have_their_distributions() -> None:
 
 
 def test_worlds_that_are_left_alone_draw_nothing() -> None:
-    own = WorldParameters({"a": Sampler(uniform=(0.0, 1.0))}, SPEC, 1)
+    own = WorldParameters({"a": Sampler(uniform=(0.0, 1.0))}, SPEC, SEEDS)
     own.complete(ResetRequest.all_worlds(SPEC.num_worlds, 1))
     actions = np.full(SPEC.num_worlds, ResetAction.LEAVE, np.uint8)
     actions[0] = ResetAction.NEXT_EPISODE
@@ -120,9 +121,9 @@ def test_worlds_that_are_left_alone_draw_nothing() -> None:
 
 def test_constants_need_no_second_message() -> None:
     begun = np.ones(SPEC.num_worlds, np.bool_)
-    fixed = WorldParameters({"a": 1.0}, SPEC, 1)
+    fixed = WorldParameters({"a": 1.0}, SPEC, SEEDS)
     assert fixed.request_beginnings(begun, 0) is None
-    varied = WorldParameters({"a": Sampler(choice=(1, 2))}, SPEC, 1)
+    varied = WorldParameters({"a": Sampler(choice=(1, 2))}, SPEC, SEEDS)
     assert varied.request_beginnings(~begun, 0) is None
 
 

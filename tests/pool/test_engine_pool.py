@@ -23,6 +23,7 @@ from ludus.errors import (
 from ludus.pool.engine_pool import EnginePool
 from ludus.session.engine_session import EngineSession
 from ludus.session.supervision import Supervision
+from ludus.settings.world_parameters import Sampler
 from ludus.spec.batch import ActionBatch, Batches
 from ludus.wire.handshake import EngineConfig
 from ludus.wire.reset import ResetRequest
@@ -175,6 +176,37 @@ def test_worlds_are_counted_over_all_engines(fleet: Fleet) -> None:
         assert decode_reset(first)["parameters"] == parameters
         assert decode_reset(second)["actions"] == [1, 1]
         assert decode_reset(second)["parameters"] == {"all": True}
+
+
+def drawn(fleet: Fleet, engine: int = 0) -> list[float | None]:
+    """Return what the worlds of an engine were last given as ``wind``."""
+    given = decode_reset(fleet.received(engine)[-1][1])["parameters"]
+    return [world["wind"] if world else None for world in given]
+
+
+WIND = {"wind": Sampler(uniform=(0.0, 1.0))}
+
+
+def test_draws_follow_from_seeds_that_came_before(fleet: Fleet) -> None:
+    pool = EnginePool(fleet.open, 2)
+    pool.reset(0)
+    pool.randomise(WIND)
+    pool.reset()
+    draws = drawn(fleet, 0) + drawn(fleet, 1)
+    assert len(set(draws)) == 4
+    pool.reset(0)
+    assert drawn(fleet, 0) + drawn(fleet, 1) == draws
+    pool.reset_worlds(ResetRequest(np.asarray([3, 2, 1, 0], "u8"), np.full(4, 2, "u1")))
+    pool.randomise(WIND)
+    pool.reset()
+    assert (drawn(fleet, 0) + drawn(fleet, 1))[::-1] == draws
+
+
+def test_worlds_draw_before_they_get_a_seed(fleet: Fleet) -> None:
+    pool = EnginePool(fleet.open, 1)
+    pool.randomise(WIND)
+    pool.reset_worlds(ResetRequest(np.zeros(2, "u8"), np.asarray([2, 1], "u1")))
+    assert None not in drawn(fleet)
 
 
 def test_engines_one_by_one(fleet: Fleet) -> None:

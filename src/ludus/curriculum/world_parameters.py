@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -27,12 +27,13 @@ class WorldParameters:
     """What :class:`ludus.pool.EnginePool` gives the worlds of a game as parameters.
 
     A world draws in every reset, and when all of its agents begin an episode in the same step. The
-    draws of a world are a function of its seed and of how often it has drawn since that seed came.
+    draws of a world are a function of its seed and of how often it has drawn since that seed came
+    or, if later, this object was made.
 
     Args:
         parameters: By name; a value that stays, or how it is drawn.
         spec: Of each engine.
-        num_engines: Of the pool.
+        seeds: Seed of each world of the pool, until a reset brings another.
 
     Raises:
         ConfigError: A sampler names no distribution, or several.
@@ -42,12 +43,12 @@ class WorldParameters:
         self,
         parameters: Mapping[str, Parameter],
         spec: Spec,
-        num_engines: int,
+        seeds: Iterable[int],
     ) -> None:
         check_parameters("randomise", parameters)
         self._parameters = parameters
         self._spec = spec
-        self._streams: list[np.random.Generator | None] = [None] * (spec.num_worlds * num_engines)
+        self._streams = [_open_stream(seed) for seed in seeds]
         self._active: dict[tuple[str, int], NDArray[np.bool_]] = {}
         self._sums: Sums = {}
 
@@ -61,8 +62,7 @@ class WorldParameters:
             if action == ResetAction.LEAVE:
                 continue
             if action == ResetAction.SEED:
-                seed = np.random.SeedSequence((int(request.seeds[world]), SALT))
-                self._streams[world] = np.random.default_rng(seed)
+                self._streams[world] = _open_stream(int(request.seeds[world]))
             given = request.parameters
             own = given if given is None or isinstance(given, Mapping) else given[world]
             completed[world] = {**self.draw(world), **(own or {})}
@@ -103,9 +103,7 @@ class WorldParameters:
 
     def draw(self, world: int) -> dict[str, Value]:
         """Draw the parameters of a world."""
-        stream = self._streams[world]
-        assert stream is not None, "the first reset seeds all worlds"
-        drawn = {name: _draw(of, stream) for name, of in self._parameters.items()}
+        drawn = {name: _draw(of, self._streams[world]) for name, of in self._parameters.items()}
         for name, value in drawn.items():
             if isinstance(value, int | float) and not isinstance(value, bool):
                 count, total = self._sums.get(name, (0, 0.0))
@@ -125,6 +123,10 @@ def add_sums(first: Sums, second: Sums) -> Sums:
         own_count, own_total = added.get(name, (0, 0.0))
         added[name] = (own_count + count, own_total + total)
     return added
+
+
+def _open_stream(seed: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence((seed, SALT)))
 
 
 def _draw(parameter: Parameter, stream: np.random.Generator) -> Value:

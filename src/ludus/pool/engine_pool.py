@@ -82,6 +82,7 @@ class EnginePool:
         self._is_lost = [False] * num_engines
         self._is_in_flight = [False] * num_engines
         self._seed = secrets.randbits(48)
+        self._seeds = ResetRequest.all_worlds(self.num_worlds, self._seed).seeds
 
     @property
     def spec(self) -> Spec:
@@ -151,6 +152,7 @@ class EnginePool:
             request: One seed and one action per world, counted over all engines.
         """
         self._check_size(request)
+        self._seeds = np.where(request.actions == ResetAction.SEED, request.seeds, self._seeds)
         if self.world_parameters is not None:
             request = self.world_parameters.complete(request)
         self._remember_parameters(request)
@@ -262,7 +264,7 @@ class EnginePool:
 
     def randomise(self, parameters: Mapping[str, Parameter]) -> None:
         """Draw parameters for worlds; see :meth:`ludus.pool.Pool.randomise`."""
-        self.world_parameters = WorldParameters(parameters, self._spec, self.num_engines)
+        self.world_parameters = WorldParameters(parameters, self._spec, self._seeds.tolist())
 
     def take_draws(self) -> Sums:
         """Return what was drawn for worlds; see :meth:`ludus.pool.Pool.take_draws`."""

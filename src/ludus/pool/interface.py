@@ -141,6 +141,9 @@ class Pool(Protocol):
     def randomise(self, parameters: Mapping[str, Parameter]) -> None:
         """Draw parameters for worlds whose episodes begin; call :meth:`reset` next.
 
+        The draws of a world follow from the seed that it gets in that reset; without one, from
+        the seed that it got last.
+
         Args:
             parameters: By name: a value, or how it is drawn.
         """
