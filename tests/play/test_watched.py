@@ -59,7 +59,7 @@ def test_a_policy_file_tells_what_its_run_tells(case: str) -> None:
     spec, config = CONFIGS[case]
     policy = make_policy(spec, config)
     player = Player(policy, SLOTS)
-    file = FilePlayer(ModelRunner(to_model(policy, spec)), None)
+    file = FilePlayer(ModelRunner(to_model(policy, spec)), SLOTS)
     first, second = two_steps(spec)
     for one in (player, file):
         one.act(first)
@@ -131,7 +131,7 @@ class _Game:
 
 def test_only_the_agent_that_is_shown_is_told_of() -> None:
     batch = two_steps(SIMPLE)[0]
-    file = FilePlayer(ModelRunner(to_model(make_policy(SIMPLE), SIMPLE)), None)
+    file = FilePlayer(ModelRunner(to_model(make_policy(SIMPLE), SIMPLE)), SLOTS)
 
     class Act:
         def __call__(self, batches: Mapping[str, Batch]) -> Mapping[str, ActionBatch]:

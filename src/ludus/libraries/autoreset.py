@@ -61,10 +61,15 @@ class SameStep:
 
     Args:
         pool: What is stepped.
+
+    Attributes:
+        is_over: ``bool[num_worlds]``, where an episode has ended and the next one has not been
+            handed out; False everywhere in this mode.
     """
 
     def __init__(self, pool: EnginePool) -> None:
         self._pool = pool
+        self.is_over = np.zeros(pool.num_worlds, np.bool_)
 
     def reset(self, request: ResetRequest) -> Batches:
         """Begin new episodes; returns copies."""
@@ -84,7 +89,6 @@ class _HoldsBeginnings(SameStep):
 
     def __init__(self, pool: EnginePool) -> None:
         super().__init__(pool)
-        self._is_over = np.zeros(pool.num_worlds, np.bool_)
         self._active: dict[str, NDArray[np.bool_]] = {}
         self._begun: Batches = {}
         self._shown: Batches = {}
@@ -92,7 +96,7 @@ class _HoldsBeginnings(SameStep):
     def reset(self, request: ResetRequest) -> Batches:
         """Begin new episodes; where one has begun already, and no seed was given, hand it out."""
         is_chosen = request.actions != ResetAction.LEAVE
-        is_held = self._is_over & (request.actions == ResetAction.NEXT_EPISODE)
+        is_held = self.is_over & (request.actions == ResetAction.NEXT_EPISODE)
         is_held &= [_parameters_of(request, world) is None for world in range(len(is_held))]
         rest = np.where(is_held, ResetAction.LEAVE, request.actions).astype(np.uint8)
         if rest.any():
@@ -100,21 +104,21 @@ class _HoldsBeginnings(SameStep):
         else:
             batches = {name: _without_outcome(batch) for name, batch in self._begun.items()}
         self._active = {name: batch.active.copy() for name, batch in batches.items()}
-        self._is_over &= ~is_chosen
-        if self._is_over.any():
+        self.is_over &= ~is_chosen
+        if self.is_over.any():
             self._begun = {name: _without_outcome(batch) for name, batch in batches.items()}
             self._show_again(batches)
         return batches
 
     def _take(self, batches: Batches) -> Batches:
         """Note which worlds are over; return what is to be shown."""
-        self._is_over = self._find_over(batches)
+        self.is_over = self._find_over(batches)
         self._active = {name: batch.active.copy() for name, batch in batches.items()}
-        if not self._is_over.any():
+        if not self.is_over.any():
             return batches
         self._begun, self._shown = batches, {}
         for name, batch in batches.items():
-            self._shown[name] = _show_last(batch, self._rows(self._is_over, name))
+            self._shown[name] = _show_last(batch, self._rows(self.is_over, name))
         return self._shown
 
     def _find_over(self, batches: Batches) -> NDArray[np.bool_]:
@@ -130,7 +134,7 @@ class _HoldsBeginnings(SameStep):
     def _show_again(self, batches: Batches) -> None:
         """Leave worlds that are over as they were shown."""
         for name, batch in batches.items():
-            rows = self._rows(self._is_over, name)
+            rows = self._rows(self.is_over, name)
             for entry, values in batch.observation.items():
                 values[rows] = self._shown[name].observation[entry][rows]
 
@@ -143,15 +147,7 @@ class NextStep(_HoldsBeginnings):
 
     def step(self, actions: Mapping[str, ActionBatch]) -> Batches:
         """Step the worlds that are not over, and hand out the beginnings of those that are."""
-        if not self._is_over.any():
-            return self._take(self._pool.step(actions))
-        still = self._is_over
-        shown = self._take(self._pool.step(actions, still))
-        # Players with a memory forget what was before, as at the end of an episode.
-        return {
-            name: replace(batch, final_index=_union(batch.final_index, self._rows(still, name)))
-            for name, batch in shown.items()
-        }
+        return self._take(self._pool.step(actions, self.is_over if self.is_over.any() else None))
 
 
 class OnRequest(_HoldsBeginnings):
@@ -163,16 +159,12 @@ class OnRequest(_HoldsBeginnings):
         Raises:
             SequenceError: One of them is over.
         """
-        if self._is_over.any():
+        if self.is_over.any():
             raise SequenceError(
-                f"world {self._is_over.argmax()} is over, and so are {self._is_over.sum()} in all",
+                f"world {self.is_over.argmax()} is over, and so are {self.is_over.sum()} in all",
                 hint='reset(options={"reset_mask": terminated | truncated}) begins new episodes',
             )
         return self._take(self._pool.step(actions))
-
-
-def _union(index: NDArray[np.int64], rows: NDArray[np.bool_]) -> NDArray[np.int64]:
-    return np.union1d(index, np.flatnonzero(rows))
 
 
 def _parameters_of(request: ResetRequest, world: int) -> object:

@@ -8,6 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ludus.errors import ArgumentError, UsageError
 from ludus.model import ModelRunner, read_model
 from ludus.play.players import FilePlayer, check_trained_for
@@ -29,6 +32,8 @@ observation space, a batch of its action space.
 
 class _Acts(Protocol):
     def act(self, batch: Batch) -> ActionBatch: ...
+
+    def forget(self, rows: NDArray[np.int64]) -> None: ...
 
 
 class OtherPolicies:
@@ -62,9 +67,20 @@ class OtherPolicies:
         self._random: RandomActions | None = None
         self._batches: Batches = {}
 
-    def begin(self, batches: Batches, seeds: Sequence[int | None]) -> None:
-        """Take the batches of a reset; chance begins anew where all worlds were seeded."""
-        self._batches = batches
+    def begin(
+        self, batches: Batches, seeds: Sequence[int | None], is_reset: NDArray[np.bool_]
+    ) -> None:
+        """Take the batches of a reset; chance begins anew where all worlds were seeded.
+
+        Args:
+            batches: What all agents see now.
+            seeds: By world.
+            is_reset: ``bool[num_worlds]``, where an episode begins with ``batches``.
+        """
+        for name, batch in self._batches.items():
+            # Ends that only this batch tells of; no player has seen it, and now none will.
+            self._forget(name, batch.terminated | batch.truncated)
+        self.observe(batches, is_reset)
         if not self._spec.policies:
             return
         known = [seed for seed in seeds if seed is not None]
@@ -81,9 +97,22 @@ class OtherPolicies:
             actions[name] = player.act(self._batches[name])
         return actions
 
-    def observe(self, batches: Batches) -> None:
-        """Take the batches of a step."""
+    def observe(self, batches: Batches, has_begun: NDArray[np.bool_]) -> None:
+        """Take the batches of a step.
+
+        Args:
+            batches: What all agents see now.
+            has_begun: ``bool[num_worlds]``, where an episode begins with ``batches`` although
+                they do not say that the last one has ended.
+        """
+        if has_begun.any():
+            for name, batch in batches.items():
+                self._forget(name, np.repeat(has_begun, batch.num_agents // self._num_worlds))
         self._batches = batches
+
+    def _forget(self, name: str, slots: NDArray[np.bool_]) -> None:
+        if name in self._players:
+            self._players[name].forget(np.flatnonzero(slots))
 
 
 class _Function:
@@ -96,6 +125,9 @@ class _Function:
         actions = self._function(observation_of(self._policy, batch.observation))
         return to_action_batch(self._policy, actions, self._num_agents)
 
+    def forget(self, rows: NDArray[np.int64]) -> None:
+        """Do nothing: a function is told only what its agents observe."""
+
 
 def _player(player: object, policy: PolicySpec, num_agents: int) -> _Acts:
     if callable(player):
@@ -107,4 +139,4 @@ def _player(player: object, policy: PolicySpec, num_agents: int) -> _Acts:
         )
     runner = ModelRunner(read_model(player))
     check_trained_for(runner, policy)
-    return FilePlayer(runner, None)
+    return FilePlayer(runner, num_agents)

@@ -89,10 +89,10 @@ class LudusEnv(gymnasium.Env[Any, Any]):
                 hint="put what the game should know into options={'parameters': {…}}",
             )
         parameters = options.get("parameters")
-        batches = self._fresh
+        batches, is_reset = self._fresh, np.zeros(1, np.bool_)
         if batches is None or seed is not None or parameters is not None:
-            batches = self.pool.reset(seed, parameters)
-        self._others.begin(batches, [seed])
+            batches, is_reset = self.pool.reset(seed, parameters), np.ones(1, np.bool_)
+        self._others.begin(batches, [seed], is_reset)
         self._fresh = None
         self._needs_reset = False
         batch = batches[self.policy.name]
@@ -114,7 +114,7 @@ class LudusEnv(gymnasium.Env[Any, Any]):
             raise SequenceError("step outside an episode", hint="call reset() first")
         own = to_action_batch(self.policy, action, None)
         batches = self.pool.step({**self._others.act(), self.policy.name: own})
-        self._others.observe(batches)
+        self._others.observe(batches, has_begun=np.zeros(1, np.bool_))
         batch = batches[self.policy.name]
         terminated, truncated = bool(batch.terminated[0]), bool(batch.truncated[0])
         observation = batch.observation

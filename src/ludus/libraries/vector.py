@@ -122,7 +122,7 @@ class LudusVectorEnv(VectorEnv[Any, Any, Any]):
         else:
             request = self.pool.request_all(seeds[0], options.get("parameters"))
         batches = self._stepper.reset(request)
-        self._others.begin(batches, seeds)
+        self._others.begin(batches, seeds, request.actions != ResetAction.LEAVE)
         return self._observe(batches[self.policy.name])
 
     def step(
@@ -144,8 +144,9 @@ class LudusVectorEnv(VectorEnv[Any, Any, Any]):
             EngineError: An engine failed.
         """
         own = to_action_batch(self.policy, actions, self.num_envs)
+        is_over = self._stepper.is_over  # in ``NEXT_STEP`` this step begins their next episodes
         batches = self._stepper.step({**self._others.act(), self.policy.name: own})
-        self._others.observe(batches)
+        self._others.observe(batches, has_begun=is_over)
         batch = batches[self.policy.name]
         observation, infos = self._observe(batch)
         if self._shows_final and len(batch.final_index):

@@ -113,10 +113,11 @@ def load_player(
         policies = load_policies(paths[0], pool.policies, networks)
         return trained_player(policies, pool, seed, stochastic)
     drawing = _drawing(stochastic, pool)
-    return _Team({
-        name: FilePlayer(runner, np.random.default_rng((seed, i)) if name in drawing else None)
-        for i, (name, runner) in enumerate(_read_files(paths, pool).items())
-    })  # fmt: skip
+    players: dict[str, FilePlayer] = {}
+    for i, (name, runner) in enumerate(_read_files(paths, pool).items()):
+        generator = np.random.default_rng((seed, i)) if name in drawing else None
+        players[name] = FilePlayer(runner, pool.num_agents(name), generator)
+    return _Team(players)
 
 
 class _PolicyPlayer(Protocol):
@@ -184,33 +185,51 @@ def check_trained_for(runner: ModelRunner, spec: PolicySpec) -> None:
 
 
 class FilePlayer:
-    """Plays a policy file, and forgets where an episode has ended.
+    """Plays a policy file in a fixed number of slots, and remembers for each.
+
+    It forgets where :class:`ludus.networks.policy.Player` does, so that a file plays as its run.
 
     Args:
         runner: Of the file.
+        num_slots: Rows of every batch.
         generator: Draws actions; None takes the most probable ones.
     """
 
-    def __init__(self, runner: ModelRunner, generator: np.random.Generator | None) -> None:
+    def __init__(
+        self, runner: ModelRunner, num_slots: int, generator: np.random.Generator | None = None
+    ) -> None:
         self._runner = runner
         self._generator = generator
-        self._memory: NDArray[Any] | None = None
-        self._frames: FrameStack | None = None
+        size, model = runner.memory_size, runner.model
+        self._memory = np.zeros((num_slots, size), np.float32) if size else None
+        self._was_active = np.zeros(num_slots, np.bool_)
+        self._frames = FrameStack(model.observation, model.frames, num_slots)
         self._last: tuple[Batch, NDArray[Any] | None] | None = None
 
     def act(self, batch: Batch) -> ActionBatch:
-        """Return the actions on what a batch shows."""
+        """Return the action of every slot.
+
+        What a slot remembers is forgotten where ``batch`` says that its episode has ended, and
+        where the slot was empty before.
+        """
         if self._memory is not None:
-            self._memory[batch.final_index] = 0.0
-        if self._frames is None:
-            model = self._runner.model
-            self._frames = FrameStack(model.observation, model.frames, batch.num_agents)
+            goes_on = self._was_active & ~(batch.terminated | batch.truncated)
+            self._was_active[...] = batch.active
+            self._memory[~goes_on] = 0.0
         batch = self._frames.push_batch(batch)
         self._last = batch, self._memory
         actions, self._memory = self._runner.act(
             batch.observation, batch.action_mask, self._memory, self._generator
         )
         return actions
+
+    def forget(self, rows: NDArray[np.int64]) -> None:
+        """Note that episodes begin with the next batch in the slots ``rows``.
+
+        Call it where a reset has begun them: no batch says that the old ones are over.
+        """
+        self._was_active[rows] = False
+        self._frames.forget(rows)
 
     def describe(self, slot: int) -> Decision:
         """Return how probable the actions of a slot were in the last step."""
