@@ -88,6 +88,16 @@ def cartpole() -> Iterator[ludus.sb3.LudusVecEnv]:
     env.close()
 
 
+def test_worlds_differ_though_nobody_has_set_a_seed() -> None:
+    """As in ``PPO("MlpPolicy", env)``, which sets none."""
+    starts: list[Any] = []
+    for _ in range(2):
+        env = ludus.sb3.make("cartpole", num_worlds=NUM)
+        starts.extend(map(tuple, env.reset()))
+        env.close()
+    assert len(set(starts)) == 2 * NUM
+
+
 @pytest.mark.parametrize("target", ["gym:CartPole-v1", "oracle"])
 def test_bits_equal_those_of_dummy_vec_env(target: str, oracle: Path) -> None:
     game: Any = oracle if target == "oracle" else target

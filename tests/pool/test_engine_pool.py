@@ -202,6 +202,17 @@ def test_draws_follow_from_seeds_that_came_before(fleet: Fleet) -> None:
     assert (drawn(fleet, 0) + drawn(fleet, 1))[::-1] == draws
 
 
+def test_the_first_request_begins_every_world_with_a_seed(fleet: Fleet) -> None:
+    """Worlds without one would all play the same episodes."""
+    pool = EnginePool(fleet.open, 2)
+    pool.reset_worlds(ResetRequest(np.asarray([0, 7, 0, 0], "u8"), np.asarray([1, 2, 1, 0], "u1")))
+    first, second = (decode_reset(fleet.received(engine)[-1][1]) for engine in (0, 1))
+    seeds = first["seeds"] + second["seeds"]
+    assert first["actions"] + second["actions"] == [2, 2, 2, 2]
+    assert seeds[1] == f"{7:016x}"
+    assert len({*seeds, f"{0:016x}"}) == 5
+
+
 def test_worlds_draw_before_they_get_a_seed(fleet: Fleet) -> None:
     pool = EnginePool(fleet.open, 1)
     pool.randomise(WIND)
@@ -355,6 +366,19 @@ def test_an_engine_that_is_gone_at_a_reset_is_started_again(fleet: Fleet) -> Non
     seeds = decode_reset(fleet.received(1, 1)[2][1])["seeds"]
     assert seeds == [f"{seed:016x}" for seed in (11, 12)]
     assert first_elements(pool.step(zeros(pool))) == [3, 3, 111, 111]
+
+
+def test_an_engine_that_dies_in_a_call_is_started_again(fleet: Fleet) -> None:
+    """The engines here know no calls, and go."""
+    pool = EnginePool(fleet.open, 2, max_restarts=1)
+    pool.reset(1)
+    for _ in range(2):
+        with pytest.raises(EngineCrashed):
+            pool.call({"world": 0}, "ludus_open_door")
+    batches = pool.step(zeros(pool))
+    assert pool.num_restarts == 1
+    assert first_elements(batches) == [10, 10, 101, 101]
+    assert batches["hero"].truncated[:2].all()
 
 
 def test_a_second_life_has_the_parameters_of_the_first(fleet: Fleet) -> None:

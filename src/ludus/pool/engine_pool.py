@@ -149,10 +149,14 @@ class EnginePool:
         """Begin new episodes in some of the worlds of all engines; returns copies.
 
         Args:
-            request: One seed and one action per world, counted over all engines.
+            request: One seed and one action per world, counted over all engines. The first request
+                begins all of them; worlds for which it has no seed get one here.
         """
         self._check_size(request)
         self._seeds = np.where(request.actions == ResetAction.SEED, request.seeds, self._seeds)
+        if self._last[0] is None:
+            all_seeded = np.full_like(request.actions, ResetAction.SEED)
+            request = replace(request, seeds=self._seeds, actions=all_seeded)
         if self.world_parameters is not None:
             request = self.world_parameters.complete(request)
         self._remember_parameters(request)
@@ -231,8 +235,23 @@ class EnginePool:
     def call(
         self, target: Mapping[str, Any], method: str, arguments: Sequence[Any] = ()
     ) -> list[Any]:
-        """Call a method of the game in every engine; returns one value per engine."""
-        return [session.call(target, method, arguments) for session in self._sessions]
+        """Call a method of the game in every engine; returns one value per engine.
+
+        Raises:
+            EngineError: An engine died or froze; the next step or reset starts it again.
+        """
+        self._check_idle("call")
+        values: list[Any] = []
+        for engine, session in enumerate(self._sessions):
+            if self._is_lost[engine]:
+                hint = "a step or a reset starts it again"
+                raise EngineCrashed(f"engine {engine} has died", hint)
+            try:
+                values.append(session.call(target, method, arguments))
+            except _RESTARTABLE as error:
+                self._note_loss(engine, error)
+                raise
+        return values
 
     def take_requests(self) -> list[dict[str, Any]]:
         """Fetch what the games ask of the trainer; see :meth:`ludus.pool.Pool.take_requests`."""
