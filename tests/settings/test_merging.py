@@ -9,7 +9,7 @@ import pytest
 
 from ludus.errors import ConfigError
 from ludus.settings.merging import Layer, python_layer, resolve, resolve_policy
-from ludus.settings.plain import merge_settings, read_file, to_plain
+from ludus.settings.plain import flatten_settings, merge_settings, read_file, to_plain
 from ludus.settings.train_config import (
     LeagueConfig,
     Phase,
@@ -201,3 +201,10 @@ def test_does_not_wait_for_a_pipe(tmp_path: Path) -> None:
 def test_functions_are_saved_as_a_command_line_names_them() -> None:
     saved = to_plain(TrainConfig("gymgodot:walk.tscn", bridge={"make_action": json.dumps}))
     assert saved["bridge"] == {"make_action": "json:dumps"}
+
+
+def test_nested_settings_by_dotted_name() -> None:
+    nested = {"seed": 1, "ppo": {"hidden_sizes": [8], "a": {"b": None}}, "randomise": {}}
+    assert flatten_settings(nested) == {
+        "seed": 1, "ppo.hidden_sizes": [8], "ppo.a.b": None, "randomise": {},
+    }  # fmt: skip

@@ -22,7 +22,7 @@ from typing import Any, Protocol
 
 from ludus.disk import disk_errors, write_atomically
 from ludus.errors import SetupError
-from ludus.settings.plain import to_plain
+from ludus.settings.plain import flatten_settings, to_plain
 from ludus.settings.train_config import Sink, TrainConfig
 
 __all__ = ["Tracker", "open_trackers", "require_trackers"]
@@ -155,8 +155,11 @@ class _Mlflow:
             return
         self._run_id = self._client.create_run(number, run_name=folder.name).info.run_id
         _keep_name(folder, "mlflow", self._run_id)
-        texts = _flat(config)
-        params = [self._entities.Param(name, text[:500]) for name, text in texts.items()]
+        params = [
+            self._entities.Param(name, str(value)[:500])
+            for name, value in flatten_settings(config).items()
+            if value != {}
+        ]
         for start in range(0, len(params), MLFLOW_BATCH):
             self._client.log_batch(self._run_id, params=params[start : start + MLFLOW_BATCH])
 
@@ -219,14 +222,3 @@ def _read_names(folder: Path) -> dict[str, str]:
         return json.loads((folder / NAMES).read_bytes())
     except (OSError, ValueError):
         return {}
-
-
-def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
-    """Return nested settings by dotted name, as texts."""
-    flat: dict[str, str] = {}
-    for name, value in values.items():
-        if isinstance(value, dict):
-            flat |= _flat(value, f"{prefix}{name}.")  # pyright: ignore[reportUnknownArgumentType]
-        else:
-            flat[f"{prefix}{name}"] = str(value)
-    return flat

@@ -12,12 +12,13 @@ import logging
 import secrets
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, cast
+from typing import Any
 
 from ludus.errors import ConfigError
 from ludus.settings.plain import (
     as_mapping,
     changed_settings,
+    flatten_settings,
     foreign_error,
     foreign_settings,
     merge_settings,
@@ -77,7 +78,7 @@ class Resolved:
         """Return name, plain value and origin of every setting."""
         return [
             (name, value, self.origins.get(name, DEFAULT))
-            for name, value in _leaves(to_plain(self.config))
+            for name, value in flatten_settings(to_plain(self.config)).items()
         ]
 
 
@@ -91,7 +92,7 @@ def python_layer(config: TrainConfig) -> Layer:
 
 def changes_since(before: Mapping[str, Any], config: TrainConfig) -> dict[str, str]:
     """Return what differs between saved settings and ``config``: ``"1 instead of 2"`` by name."""
-    saved, now = dict(_leaves(before)), dict(_leaves(to_plain(config)))
+    saved, now = flatten_settings(before), flatten_settings(to_plain(config))
     return {
         name: f"{json.dumps(value)} instead of {json.dumps(saved[name])}"
         for name, value in now.items()
@@ -222,21 +223,13 @@ def _own_values(part: _Part, algorithm: str, *, is_before: bool) -> dict[str, An
 
 def _origins(layers: Sequence[Layer]) -> dict[str, str]:
     """Return the origin of every setting of the run itself."""
-    current = dict(_leaves(to_plain(TrainConfig())))
+    current = flatten_settings(to_plain(TrainConfig()))
     origins: dict[str, str] = {}
     for layer in layers:
-        for name, value in _leaves(layer.values):
+        for name, value in flatten_settings(layer.values).items():
             if name.partition(".")[0] == "policies":
                 continue
             if not layer.is_saved or current.get(name) != value:
                 origins[name] = layer.origin
             current[name] = value
     return origins
-
-
-def _leaves(values: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
-    for name, value in values.items():
-        if isinstance(value, Mapping) and value:
-            yield from _leaves(cast(Mapping[str, Any], value), f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", value

@@ -28,6 +28,7 @@ __all__ = [
     "as_mapping",
     "changed_settings",
     "fit_parameters",
+    "flatten_settings",
     "foreign_error",
     "foreign_settings",
     "merge_settings",
@@ -211,6 +212,22 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(each) for each in cast(Sequence[Any], value)]
     return str(value) if isinstance(value, Path) else value
+
+
+def flatten_settings(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return nested settings by dotted name: ``ppo.epochs``; an empty mapping is a value.
+
+    Args:
+        values: Plain values by setting name; mappings for nested settings.
+        prefix: Put before every name.
+    """
+    flat: dict[str, Any] = {}
+    for name, value in values.items():
+        if isinstance(value, Mapping) and value:
+            flat |= flatten_settings(cast(Mapping[str, Any], value), f"{prefix}{name}.")
+        else:
+            flat[f"{prefix}{name}"] = value
+    return flat
 
 
 def changed_settings(config: Any) -> dict[str, Any]:

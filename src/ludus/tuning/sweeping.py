@@ -42,7 +42,7 @@ from ludus.locks import LockHeld, file_lock
 from ludus.runs.run_folder import RunFolder
 from ludus.runs.trust import PROGRAM_SETTINGS, make_mark, require_trust
 from ludus.settings.merging import Layer, merge, resolve
-from ludus.settings.plain import MARK, plain_settings, to_plain
+from ludus.settings.plain import MARK, flatten_settings, plain_settings, to_plain
 from ludus.settings.policy_config import ALGORITHM_CONFIGS, PolicyConfig
 from ludus.settings.train_config import TrainConfig
 from ludus.training.hooks import Hooks, Training
@@ -260,7 +260,7 @@ class _Runner:
         """
         policies = _policies_of(self._layers, self._base)
         config = replace(self._base, policies=policies)
-        plain = _by_name(to_plain(config))
+        plain = flatten_settings(to_plain(config))
         current: dict[str, Any] = {}
         for name in self._space:
             algorithm, _, setting = name.partition(".")
@@ -511,17 +511,6 @@ def _optuna() -> Any:
     module: Any = optuna
     module.logging.set_verbosity(module.logging.ERROR)
     return module
-
-
-def _by_name(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested settings by dotted name."""
-    named: dict[str, Any] = {}
-    for name, value in values.items():
-        if isinstance(value, dict):
-            named |= _by_name(value, f"{prefix}{name}.")  # pyright: ignore[reportUnknownArgumentType]
-        else:
-            named[f"{prefix}{name}"] = value
-    return named
 
 
 def _write_best(path: Path, values: Mapping[str, Any]) -> None:
