@@ -13,7 +13,7 @@ from ludus.errors import EngineCrashed, EngineTimeout, GameError
 from ludus.locks import TemporaryFolder
 from ludus.play.command_line import play_command
 from ludus.play.episodes import EpisodeCounter, OnEpisode
-from ludus.play.interactive import CONTROLS, PlayConfig
+from ludus.play.interactive import CLOSED_BY_HAND, CONTROLS, PlayConfig
 from ludus.target import check_accepted, parse_target
 from ludus.wire.godot_json import parse_godot_json
 
@@ -24,7 +24,6 @@ EPISODE = "ludus-episode "
 POLL_S = 0.05
 SILENCE_S = 120.0
 """Without a window, how long the game may run without an episode that ends."""
-CLOSED_BY_HAND = 0
 
 
 def play_in_engine(

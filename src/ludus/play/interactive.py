@@ -20,10 +20,18 @@ from ludus.settings.checks import AT_LEAST_1, ONLY_1, optional, setting
 from ludus.settings.pool_config import GameConfig
 from ludus.target import check_accepted, parse_target
 
-__all__ = ["CONTROLS", "PlayConfig", "play_by_hand", "play_episodes", "require_screen"]
+__all__ = [
+    "CLOSED_BY_HAND",
+    "CONTROLS",
+    "PlayConfig",
+    "play_by_hand",
+    "play_episodes",
+    "require_screen",
+]
 
 POLL_S = 0.2
 CLOSED_BY_HAND = 0
+"""Exit code of a game whose window was closed."""
 LONGEST_PAUSE_S = 7 * 24 * 3600.0
 CONTROLS = ("--ludus-controls",)
 """Gives a game keys for pause, single steps and slow motion."""
@@ -106,5 +114,5 @@ def play_by_hand(config: PlayConfig) -> None:
     with EngineProcess.start(LaunchConfig(command=command)) as process:
         while (exit_code := process.wait(POLL_S)) is None:
             pass
-        if exit_code != 0:
+        if exit_code != CLOSED_BY_HAND:
             raise EngineCrashed(f"the game failed: {process.describe_death()}")

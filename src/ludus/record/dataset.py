@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ludus.datasets import dataset_names, require_minari
 from ludus.errors import ConfigError, EngineCrashed, RunError, TargetError
 from ludus.play.hand import hand_player
-from ludus.play.interactive import require_screen
+from ludus.play.interactive import CLOSED_BY_HAND, require_screen
 from ludus.play.players import Act
 from ludus.pool import PoolConfig, open_pool
 from ludus.pool.interface import Pool
@@ -34,7 +34,6 @@ __all__ = ["RecordedDataset", "record_dataset"]
 
 NUM_EPISODES = 10
 """Of each policy, unless told otherwise."""
-CLOSED_BY_HAND = 0
 
 
 @dataclass(frozen=True)
