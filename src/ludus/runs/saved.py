@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import torch
 from torch import Tensor, nn
@@ -119,9 +119,11 @@ def _load(
             f'in Python, networks={{"{name}": …}} says how it is made; an .onnx file of it runs '
             "without that (docs/python.md)",
         )
-    policy = Policy(spec, settings, make_network if has_own else None)
-    load_tensors(policy, tensors, "policy.")
-    policy.critic = _load_critic(policy, tensors, settings)
+    # New networks draw their first weights from the stream that a run draws from meanwhile.
+    with cast(Any, torch.random).fork_rng(devices=[]):
+        policy = Policy(spec, settings, make_network if has_own else None)
+        load_tensors(policy, tensors, "policy.")
+        policy.critic = _load_critic(policy, tensors, settings)
     return policy.eval()
 
 
@@ -131,9 +133,7 @@ def _load_critic(
     """Return PPO's critic in the game's own rewards; None where the checkpoint has none."""
     if not isinstance(settings, PPOConfig) or not with_prefix(tensors, "critic."):
         return None
-    random_state = torch.get_rng_state()  # what trains meanwhile draws from the same stream
     network = policy.make_critic(settings)
-    torch.set_rng_state(random_state)
     load_tensors(network, tensors, "critic.")
     scale = 1.0
     if settings.scale_reward:
