@@ -172,7 +172,7 @@ class LudusParallelEnv(ParallelEnv[str, Any, Any]):
         active = self._active()
         self.agents = [agent for agent in active if agent not in self._dead]
         # The world is over, and has begun anew: the next reset needs no message.
-        self._has_begun = not self.agents and len(self._dead) == len(active) > 0
+        self._has_begun = not self.agents and self._begin_together(active)
         joined = [agent for agent in self.agents if agent not in outcomes]
         outcomes |= {agent: (0.0, False, False) for agent in joined}
         observations = {
@@ -216,6 +216,15 @@ class LudusParallelEnv(ParallelEnv[str, Any, Any]):
             for batch, slot in (self._place(agent),)
             if batch.active[slot]
         ]
+
+    def _begin_together(self, active: list[str]) -> bool:
+        """Return whether all agents of the world have begun an episode in the last step."""
+        if not active or len(self._dead) != len(active):
+            return False
+        if all(policy.episode == "world" for policy in self.pool.policies.values()):
+            return True
+        # Where each agent has episodes of its own, one that ended earlier plays its next by now.
+        return all(any(self._outcome(agent)[1:]) for agent in active)
 
     def _place(self, agent: str) -> tuple[Batch, int]:
         policy, slot = self._slots[agent]

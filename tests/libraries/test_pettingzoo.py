@@ -22,6 +22,7 @@ from pettingzoo.utils.conversions import parallel_to_aec
 
 from ludus.errors import ActionError, SequenceError, UsageError
 from ludus.pettingzoo import parallel_env
+from tests.godot_project import write_project
 
 pytestmark = [
     pytest.mark.libraries,
@@ -65,6 +66,55 @@ def test_an_agent_stays_away_until_the_next_reset() -> None:
             env.step({})
         env.reset()
         assert len(env.agents) == 16
+    finally:
+        env.close()
+
+
+TWO_ORACLES = """\
+[gd_scene format=3]
+[ext_resource type="Script" path="res://oracle.gd" id="1"]
+[ext_resource type="Script" path="res://addons/ludus/agent/ludus_agent.gd" id="2"]
+[ext_resource type="Script" path="res://addons/ludus/agent/ludus_action_component.gd" id="3"]
+[ext_resource type="Script" path="res://addons/ludus/world/ludus_world.gd" id="4"]
+[sub_resource type="Resource" id="number"]
+script = ExtResource("3")
+n = 5
+[node name="Game" type="Node2D"]
+[node name="LudusWorld" type="Node" parent="."]
+script = ExtResource("4")
+episode_mode = 0
+[node name="Early" type="Node2D" parent="."]
+script = ExtResource("1")
+length_key = "early_length"
+[node name="LudusAgent" type="Node" parent="Early"]
+script = ExtResource("2")
+action = Array[ExtResource("3")]([SubResource("number")])
+action_timing = 1
+[node name="Late" type="Node2D" parent="."]
+script = ExtResource("1")
+[node name="LudusAgent" type="Node" parent="Late"]
+script = ExtResource("2")
+action = Array[ExtResource("3")]([SubResource("number")])
+action_timing = 1
+"""
+
+
+@pytest.mark.parametrize(("early_length", "steps_at_end"), [(3, [1, 0]), (2, [0, 0]), (4, [0, 0])])
+def test_a_reset_begins_all_episodes_of_agents_that_end_one_by_one(
+    early_length: int, steps_at_end: list[int], oracle: Path, tmp_path: Path
+) -> None:
+    files = {"game.tscn": TWO_ORACLES, "oracle.gd": oracle.with_suffix(".gd").read_text("utf-8")}
+    env = parallel_env(write_project(tmp_path / "game", files, main="game"))
+    try:
+        env.reset(seed=1, options={"early_length": early_length, "length": 4})
+        while env.agents:
+            env.step(dict.fromkeys(env.agents, 0))
+        last = env.state().reshape(2, -1)
+        assert last[:, 1].tolist() == steps_at_end  # of agents that play on after their first end
+        first = np.stack(list(env.reset()[0].values()))
+        assert first[:, 1].tolist() == [0, 0]
+        # Where all have just begun, the reset hands that out instead of another beginning.
+        assert np.array_equal(first, last) == (steps_at_end == [0, 0])
     finally:
         env.close()
 
