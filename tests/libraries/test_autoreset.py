@@ -101,6 +101,49 @@ def test_modes_equal_gymnasiums_own_to_the_bit(env_id: str, mode: str) -> None:
     theirs.close()
 
 
+@pytest.mark.parametrize("mode", ["same_step", "next_step", "disabled"])
+def test_a_reset_of_no_world_returns_what_was_seen_last(mode: str) -> None:
+    own, _ = both("CartPole-v1", mode)
+    nothing, num_ends = {"reset_mask": np.zeros(NUM, np.bool_)}, 0
+    seen, _ = own.reset(seed=7)
+    np.testing.assert_array_equal(own.reset(options=nothing)[0], seen)
+    own.action_space.seed(3)
+    for _ in range(100):
+        seen, _, terminated, truncated, _ = own.step(own.action_space.sample())
+        np.testing.assert_array_equal(own.reset(options=nothing)[0], seen)
+        ended = terminated | truncated
+        num_ends += ended.sum()
+        if mode == "disabled":  # as the docs have it, whether an episode has ended or not
+            begun, _ = own.reset(options={"reset_mask": ended})
+            np.testing.assert_array_equal(begun[~ended], seen[~ended])
+            assert (begun[ended] != seen[ended]).any(axis=1).all()
+    assert num_ends > NUM
+    own.close()
+
+
+@pytest.mark.parametrize("mode", ["next_step", "disabled"])
+def test_the_first_reset_cannot_leave_all_worlds_out(mode: str) -> None:
+    own, _ = both("CartPole-v1", mode)
+    with pytest.raises(SequenceError, match="nothing to observe yet"):
+        own.reset(options={"reset_mask": np.zeros(NUM, np.bool_)})
+    own.close()
+
+
+@pytest.mark.engine
+def test_a_reset_of_no_world_leaves_worlds_of_godot_alone(oracle: Path) -> None:
+    envs = ludus.make_vec(oracle, num_worlds=2, num_engines=2, autoreset_mode="disabled")
+    try:
+        envs.reset(seed=11, options={"parameters": PARAMETERS})
+        for _ in range(8):
+            seen, _, terminated, truncated, _ = envs.step(np.zeros(4, np.int64))
+            ended = terminated | truncated
+            begun, _ = envs.reset(options={"reset_mask": ended})
+            np.testing.assert_array_equal(begun[~ended], seen[~ended])
+            assert not begun[ended, 1].any()
+    finally:
+        envs.close()
+
+
 def test_masks_are_those_of_the_observation() -> None:
     own, theirs = both("MaskedImage-v0", "next_step")
     own.reset(seed=1)

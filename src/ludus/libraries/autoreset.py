@@ -81,7 +81,7 @@ class SameStep:
 
 
 class _HoldsBeginnings(SameStep):
-    """Shows the last observation of an episode where it ended; keeps the first of the next one.
+    """Shows the last observation of an episode where it ended, and later the first of the next.
 
     A world *is over* from the step in which the last of its agents ended until the next episode is
     handed out.
@@ -90,11 +90,17 @@ class _HoldsBeginnings(SameStep):
     def __init__(self, pool: EnginePool) -> None:
         super().__init__(pool)
         self._active: dict[str, NDArray[np.bool_]] = {}
-        self._begun: Batches = {}
         self._shown: Batches = {}
 
     def reset(self, request: ResetRequest) -> Batches:
-        """Begin new episodes; where one has begun already, and no seed was given, hand it out."""
+        """Begin new episodes; where one has begun already, and no seed was given, hand it out.
+
+        Where that is all, or no world is chosen, the engines are not asked, and so need not be able
+        to reset some of their worlds only.
+
+        Raises:
+            SequenceError: The first reset chooses no world.
+        """
         is_chosen = request.actions != ResetAction.LEAVE
         is_held = self.is_over & (request.actions == ResetAction.NEXT_EPISODE)
         is_held &= [_parameters_of(request, world) is None for world in range(len(is_held))]
@@ -102,11 +108,11 @@ class _HoldsBeginnings(SameStep):
         if rest.any():
             batches = self._pool.reset_worlds(replace(request, actions=rest))
         else:
-            batches = {name: _without_outcome(batch) for name, batch in self._begun.items()}
+            latest = self._pool.latest()
+            batches = {name: _without_outcome(batch) for name, batch in latest.items()}
         self._active = {name: batch.active.copy() for name, batch in batches.items()}
         self.is_over &= ~is_chosen
         if self.is_over.any():
-            self._begun = {name: _without_outcome(batch) for name, batch in batches.items()}
             self._show_again(batches)
         return batches
 
@@ -116,7 +122,7 @@ class _HoldsBeginnings(SameStep):
         self._active = {name: batch.active.copy() for name, batch in batches.items()}
         if not self.is_over.any():
             return batches
-        self._begun, self._shown = batches, {}
+        self._shown = {}
         for name, batch in batches.items():
             self._shown[name] = _show_last(batch, self._rows(self.is_over, name))
         return self._shown

@@ -165,6 +165,16 @@ class EnginePool:
             self._is_in_flight[engine] = False
         return self._joined()
 
+    def latest(self) -> Batches:
+        """Return copies of what the engines answered last, without asking them.
+
+        Raises:
+            SequenceError: ``reset`` was never called.
+        """
+        if self._last[0] is None:
+            raise SequenceError("nothing to observe yet", hint="call reset() for all worlds first")
+        return self._joined()
+
     def send(self, engine: int, actions: Mapping[str, ActionBatch]) -> None:
         """Send one engine the actions of its own slots and return at once."""
         if self._last[engine] is None:
