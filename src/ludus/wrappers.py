@@ -15,6 +15,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from numpy.typing import NDArray
 
 from ludus.errors import UsageError
+from ludus.libraries.vector import LudusVectorEnv
 
 __all__ = ["RecordEpisodeStatistics"]
 
@@ -24,6 +25,7 @@ class RecordEpisodeStatistics(VectorWrapper):
 
     As Gymnasium's: ``infos["episode"]`` holds ``"r"``, ``"l"`` and ``"t"`` (seconds), each
     ``[num_envs]``, where ``infos["_episode"]`` is true; they are there in steps that end one.
+    Steps in which an agent of a game waits inactive, as ``infos["active"]`` says, do not count.
 
     Args:
         env: Any vector environment whose metadata has an ``autoreset_mode``.
@@ -48,6 +50,11 @@ class RecordEpisodeStatistics(VectorWrapper):
         if not isinstance(mode, AutoresetMode):
             raise UsageError(f"metadata['autoreset_mode'] is {mode!r}, expected an AutoresetMode")
         self._waits = mode is AutoresetMode.NEXT_STEP
+        game = env.unwrapped
+        self._is_game = isinstance(game, LudusVectorEnv)
+        self._agents_per_world = (
+            game.policy.agents_per_world if isinstance(game, LudusVectorEnv) else 1
+        )
         self._stats_key = stats_key
         self.return_queue: deque[float] = deque(maxlen=buffer_length)
         self.length_queue: deque[int] = deque(maxlen=buffer_length)
@@ -57,6 +64,7 @@ class RecordEpisodeStatistics(VectorWrapper):
         self._lengths = np.zeros(self.num_envs, np.int64)
         self._starts = np.zeros(self.num_envs, np.float64)
         self._is_over = np.zeros(self.num_envs, np.bool_)
+        self._active = np.ones(self.num_envs, np.bool_)
 
     def reset(
         self, *, seed: Any = None, options: dict[str, Any] | None = None
@@ -65,17 +73,20 @@ class RecordEpisodeStatistics(VectorWrapper):
         chosen = np.ones(self.num_envs, np.bool_)
         if options and "reset_mask" in options:
             chosen = options["reset_mask"].copy()  # SyncVectorEnv takes it out
-        answer = self.env.reset(seed=seed, options=options)
-        self._begin(chosen)
-        return answer
+        observations, infos = self.env.reset(seed=seed, options=options)
+        # A game resets the whole world of an agent.
+        worlds = chosen.reshape(-1, self._agents_per_world).any(axis=1)
+        self._begin(np.repeat(worlds, self._agents_per_world))
+        self._note_active(infos)
+        return observations, infos
 
     def step(
         self, actions: Any
     ) -> tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Step, and add the statistics of episodes that ended."""
         observations, rewards, terminated, truncated, infos = self.env.step(actions)
-        acted = ~self._is_over if self._waits else np.ones(self.num_envs, np.bool_)
-        self._begin(~acted)  # where this step has only begun the next episode
+        acted = self._active & ~self._is_over if self._waits else self._active
+        self._begin(~acted)  # where this step has only begun the next episode, or nobody acted
         self._returns += np.where(acted, rewards, 0.0)
         self._lengths += acted
         self._is_over = terminated | truncated
@@ -83,7 +94,14 @@ class RecordEpisodeStatistics(VectorWrapper):
             self._record(infos)
             if not self._waits:
                 self._begin(self._is_over)
+        self._note_active(infos)
         return observations, rewards, terminated, truncated, infos
+
+    def _note_active(self, infos: dict[str, Any]) -> None:
+        """Note who acts in the next step; what others call ``"active"`` may mean anything."""
+        if self._is_game:
+            everyone = np.ones(self.num_envs, np.bool_)
+            self._active = infos.get("active", everyone).copy()
 
     def _begin(self, rows: NDArray[np.bool_]) -> None:
         self._returns[rows] = 0.0

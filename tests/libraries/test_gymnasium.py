@@ -92,6 +92,50 @@ def test_gymnasiums_statistics_are_right_but_for_same_step_up_to_1_3(
         envs.close()
 
 
+EARLY, LATE = pytest.approx((2, 0.3)), pytest.approx((5, 1.5))
+
+
+@pytest.mark.engine
+@pytest.mark.parametrize("mode", ["same_step", "next_step", "disabled"])
+def test_our_statistics_leave_out_steps_in_which_an_agent_waits(mode: str, tasks: Path) -> None:
+    envs: Any = ludus.make_vec(
+        tasks / "oracle_world.tscn", policy="runner", num_worlds=2, autoreset_mode=mode
+    )
+    envs = OurStatistics(envs)
+    try:
+        envs.reset(seed=1)
+        told: list[list[tuple[int, float]]] = [[] for _ in range(envs.num_envs)]
+        for _ in range(16):
+            *_, terminated, truncated, infos = envs.step(np.zeros(envs.num_envs, np.int64))
+            episode = infos.get("episode", {})
+            for row in np.flatnonzero(terminated | truncated):
+                told[row].append((int(episode["l"][row]), float(episode["r"][row])))
+            if mode == "disabled" and terminated[1]:
+                envs.reset(options={"reset_mask": terminated})
+        num_late = 2 if mode == "next_step" else 3
+        assert told == [[EARLY] * 3, [LATE] * num_late, []] * 2  # the third slot is free
+    finally:
+        envs.close()
+
+
+@pytest.mark.engine
+def test_our_statistics_begin_anew_with_all_agents_of_a_world(tasks: Path) -> None:
+    envs: Any = OurStatistics(
+        ludus.make_vec(tasks / "oracle_world.tscn", policy="runner", num_worlds=2)
+    )
+    actions = np.zeros(envs.num_envs, np.int64)
+    try:
+        envs.reset(seed=1)
+        envs.step(actions)
+        envs.reset(options={"reset_mask": np.arange(envs.num_envs) == 1})
+        assert envs.step(actions)[-1]["_episode"].tolist() == [False] * 3 + [True] + [False] * 2
+        infos = envs.step(actions)[-1]
+        assert infos["_episode"][0]
+        assert (infos["episode"]["l"][0], infos["episode"]["r"][0]) == EARLY
+    finally:
+        envs.close()
+
+
 def test_statistics_need_an_autoreset_mode() -> None:
     envs: Any = SyncVectorEnv([partial(gymnasium.make, "CartPole-v1")])
     envs.metadata = {}
