@@ -67,19 +67,22 @@ class Evaluation:
 class _Quota:
     """The first episodes of each slot, a number fixed beforehand.
 
-    Taking whichever episodes end first would favour short ones.
+    Taking whichever episodes end first would favour short ones. That is done only where no slot is
+    active yet: which ones a game will fill, nobody knows.
 
     Args:
         first: What a reset brought.
-        num_episodes: Episodes to count, spread evenly over the slots that are active; None: one
-            of each.
+        num_episodes: Episodes to count, spread evenly over the slots that are active, or the first
+            ones of any slots if none is; None: one of each active slot.
     """
 
     def __init__(self, first: Batch, num_episodes: int | None = None) -> None:
         slots = first.active.nonzero()[0]
+        num_wanted = len(slots) if num_episodes is None else num_episodes
         self._left = np.zeros(first.num_agents, np.int64)
+        self._left_of_any = 0 if len(slots) else num_wanted
         if len(slots):
-            each, more = divmod(len(slots) if num_episodes is None else num_episodes, len(slots))
+            each, more = divmod(num_wanted, len(slots))
             self._left[slots] = each
             self._left[slots[:more]] += 1
         self.returns: list[float] = []
@@ -88,12 +91,15 @@ class _Quota:
     @property
     def is_met(self) -> bool:
         """Whether all episodes have been counted."""
-        return not self._left.any()
+        return not (self._left_of_any or self._left.any())
 
     def add(self, ended: EndedEpisodes) -> None:
         """Count those of the episodes that belong to it."""
         counted = self._left[ended.slots] > 0
         self._left[ended.slots[counted]] -= 1
+        if self._left_of_any:
+            counted[: self._left_of_any] = True
+            self._left_of_any -= int(counted.sum())
         self.returns += ended.returns[counted].tolist()
         self.lengths += ended.lengths[counted].tolist()
 
@@ -103,8 +109,9 @@ def evaluate(
 ) -> dict[str, Evaluation]:
     """Play ``episodes`` episodes of every policy and return how they went.
 
-    The episodes are spread evenly over the slots, and each slot's first ones count. Nothing is
-    learnt meanwhile; observation statistics stay as they are.
+    The episodes are spread evenly over the slots that are active after the reset, and each slot's
+    first ones count. Of a policy whose agents all come later, those that end first count. Nothing
+    is learnt meanwhile; observation statistics stay as they are.
 
     Args:
         act: Decides what agents do; see :mod:`ludus.play.players`.
@@ -122,7 +129,7 @@ def evaluate(
         if num_steps == max_steps:
             break
     for name, quota in quotas.items():
-        if not quota.is_met or not quota.returns:
+        if not quota.is_met:
             raise RunError(
                 f"policy {name}: {len(quota.returns)} of {episodes} episodes ended "
                 f"within {max_steps} steps",
