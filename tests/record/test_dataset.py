@@ -14,12 +14,13 @@ import pytest
 import ludus
 from ludus.addon import install_addon
 from ludus.cli.main import main
-from ludus.errors import ConfigError, SetupError, TargetError
+from ludus.errors import ConfigError, RunError, SetupError, TargetError
 from ludus.play.hand import hand_player
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.record import RecordConfig
 from ludus.record.dataset import record_dataset
 from tests.godot.conftest import PROJECT
+from tests.targets import find_scene
 from tests.training.environments import register
 
 register()
@@ -60,6 +61,39 @@ def test_images_are_stored_without_loss_and_masks_beside_them() -> None:
     episode = next(iter(masked.iterate_episodes()))
     allowed = episode.infos["action_mask"]
     assert allowed[np.arange(len(episode.actions)), episode.actions].all()
+
+
+@pytest.mark.engine
+@pytest.mark.libraries
+@pytest.mark.filterwarnings("default")
+def test_a_slot_that_stays_empty_is_not_waited_for() -> None:
+    scene = find_scene("godot4:identity").project.root / "examples/identity/oracle_world.tscn"
+    config = RecordConfig(target=str(scene), dataset="oracle-v0", is_random=True, num_episodes=6)
+    written = record_dataset(config)
+    # Two runners, and a place for a third.
+    assert {each.policy: each.num_episodes for each in written} == {"runner": 6, "watcher": 6}
+
+
+@pytest.mark.libraries
+def test_endless_episodes_give_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ludus.record.dataset.MAX_STEPS", 20)
+    config = RecordConfig(
+        target="gym:Endless-v0", dataset="endless-v0", is_random=True, num_episodes=3
+    )
+    message = "policy agent: 0 of 3 episodes ended, and none in the last 20 steps\nhint: set max_ep"
+    with pytest.raises(RunError, match=message):
+        record_dataset(config)
+
+
+@pytest.mark.libraries
+def test_many_episodes_may_take_more_steps_than_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ludus.record.dataset.MAX_STEPS", 5)
+    (written,) = record_dataset(
+        RecordConfig(
+            target="gym:Truncated-v0", dataset="truncated-v0", is_random=True, num_episodes=8
+        )
+    )
+    assert written.num_steps == 40
 
 
 @pytest.mark.engine

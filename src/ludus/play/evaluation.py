@@ -11,8 +11,8 @@ from ludus.errors import RunError
 from ludus.play.episodes import EndedEpisodes
 from ludus.play.players import Act
 from ludus.play.playing import Play
+from ludus.play.quota import Quota
 from ludus.pool.interface import Pool
-from ludus.spec.batch import Batch
 
 __all__ = ["Evaluation", "evaluate", "play_round"]
 
@@ -64,44 +64,19 @@ class Evaluation:
         return sum(each >= goal_return for each in self.returns) / self.num_episodes
 
 
-class _Quota:
-    """The first episodes of each slot, a number fixed beforehand.
+class _Tally:
+    """Returns and lengths of the episodes that a quota takes."""
 
-    Taking whichever episodes end first would favour short ones. That is done only where no slot is
-    active yet: which ones a game will fill, nobody knows.
-
-    Args:
-        first: What a reset brought.
-        num_episodes: Episodes to count, spread evenly over the slots that are active, or the first
-            ones of any slots if none is; None: one of each active slot.
-    """
-
-    def __init__(self, first: Batch, num_episodes: int | None = None) -> None:
-        slots = first.active.nonzero()[0]
-        num_wanted = len(slots) if num_episodes is None else num_episodes
-        self._left = np.zeros(first.num_agents, np.int64)
-        self._left_of_any = 0 if len(slots) else num_wanted
-        if len(slots):
-            each, more = divmod(num_wanted, len(slots))
-            self._left[slots] = each
-            self._left[slots[:more]] += 1
+    def __init__(self, quota: Quota) -> None:
+        self.quota = quota
         self.returns: list[float] = []
         self.lengths: list[int] = []
 
-    @property
-    def is_met(self) -> bool:
-        """Whether all episodes have been counted."""
-        return not (self._left_of_any or self._left.any())
-
     def add(self, ended: EndedEpisodes) -> None:
-        """Count those of the episodes that belong to it."""
-        counted = self._left[ended.slots] > 0
-        self._left[ended.slots[counted]] -= 1
-        if self._left_of_any:
-            counted[: self._left_of_any] = True
-            self._left_of_any -= int(counted.sum())
-        self.returns += ended.returns[counted].tolist()
-        self.lengths += ended.lengths[counted].tolist()
+        """Count those of the episodes that the quota takes."""
+        taken = self.quota.take(ended.slots)
+        self.returns += ended.returns[taken].tolist()
+        self.lengths += ended.lengths[taken].tolist()
 
 
 def evaluate(
@@ -124,18 +99,18 @@ def evaluate(
         RunError: Some episodes did not end within ``max_steps`` steps.
     """
     play = Play(pool, act, seed)
-    quotas = {name: _Quota(batch, episodes) for name, batch in play.batches.items()}
-    for num_steps, _ in enumerate(_fill(quotas, play)):
+    tallies = {name: _Tally(Quota(batch, episodes)) for name, batch in play.batches.items()}
+    for num_steps, _ in enumerate(_fill(tallies, play)):
         if num_steps == max_steps:
             break
-    for name, quota in quotas.items():
-        if not quota.is_met:
+    for name, tally in tallies.items():
+        if not tally.quota.is_met:
             raise RunError(
-                f"policy {name}: {len(quota.returns)} of {episodes} episodes ended "
+                f"policy {name}: {len(tally.returns)} of {episodes} episodes ended "
                 f"within {max_steps} steps",
                 "set max_episode_steps, in the game or with --max-episode-steps",
             )
-    return {name: Evaluation.of(quota.returns, quota.lengths) for name, quota in quotas.items()}
+    return {name: Evaluation.of(tally.returns, tally.lengths) for name, tally in tallies.items()}
 
 
 def play_round(
@@ -153,20 +128,20 @@ def play_round(
         How the episodes went, by policy; None if ``is_stopping`` said so first.
     """
     play = Play(pool, act, seed)
-    quotas = {name: _Quota(batch) for name, batch in play.batches.items()}
-    for _ in _fill(quotas, play):
+    tallies = {name: _Tally(Quota(batch)) for name, batch in play.batches.items()}
+    for _ in _fill(tallies, play):
         if is_stopping():
             return None
     return {
-        name: Evaluation.of(quota.returns, quota.lengths)
-        for name, quota in quotas.items()
-        if quota.returns
+        name: Evaluation.of(tally.returns, tally.lengths)
+        for name, tally in tallies.items()
+        if tally.returns
     }
 
 
-def _fill(quotas: Mapping[str, _Quota], play: Play) -> Iterator[None]:
+def _fill(tallies: Mapping[str, _Tally], play: Play) -> Iterator[None]:
     """Play until all quotas are met; yield before each step."""
-    while not all(quota.is_met for quota in quotas.values()):
+    while not all(tally.quota.is_met for tally in tallies.values()):
         yield
         for name, ended in play.step().items():
-            quotas[name].add(ended)
+            tallies[name].add(ended)

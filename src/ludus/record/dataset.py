@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 
 from ludus.datasets import dataset_names, require_minari
 from ludus.errors import ConfigError, EngineCrashed, RunError, TargetError
+from ludus.play.evaluation import MAX_STEPS
 from ludus.play.hand import hand_player
 from ludus.play.interactive import CLOSED_BY_HAND, require_screen
 from ludus.play.players import Act
+from ludus.play.quota import Quota
 from ludus.pool import PoolConfig, open_pool
 from ludus.pool.interface import Pool
 from ludus.record.recording import RecordConfig, check_players, make_player, with_run
@@ -65,7 +67,7 @@ def record_dataset(config: RecordConfig) -> list[RecordedDataset]:
         ConfigError: The name is not one, is taken, or settings contradict each other.
         TargetError: The target cannot be run.
         EngineError: The game failed; nothing is written.
-        RunError: No episode has ended, or the dataset cannot be written.
+        RunError: Episodes don't end, or the dataset cannot be written.
     """
     minari = require_minari()
     config = with_run(config)
@@ -91,8 +93,9 @@ def record_dataset(config: RecordConfig) -> list[RecordedDataset]:
             name: _Recorder(spec, pool.num_agents(name), num_wanted)
             for name, spec in pool.policies.items()
         }
+        patience = None if is_by_hand else MAX_STEPS
         try:
-            _play(pool, act, recorders, config.seed)
+            _play(pool, act, recorders, seed=config.seed, patience=patience)
         except EngineCrashed as error:
             if not is_by_hand or error.process_exit_code != CLOSED_BY_HAND:
                 raise
@@ -103,7 +106,19 @@ def record_dataset(config: RecordConfig) -> list[RecordedDataset]:
     ]
 
 
-def _play(pool: Pool, act: Act, recorders: Mapping[str, _Recorder], seed: int) -> None:
+def _play(
+    pool: Pool,
+    act: Act,
+    recorders: Mapping[str, _Recorder],
+    *,
+    seed: int,
+    patience: int | None,
+) -> None:
+    """Play until all episodes have been recorded.
+
+    Raises:
+        RunError: ``patience`` steps one after another ended no episode that was wanted.
+    """
     batches = pool.reset(seed)
     for name, recorder in recorders.items():
         recorder.begin(batches[name])
@@ -112,51 +127,64 @@ def _play(pool: Pool, act: Act, recorders: Mapping[str, _Recorder], seed: int) -
         batches = pool.step(actions)
         for name, recorder in recorders.items():
             recorder.record(actions[name], batches[name])
+            if not recorder.is_complete and recorder.num_steps_waited == patience:
+                raise RunError(
+                    f"policy {name}: {len(recorder.episodes)} of {recorder.num_wanted} episodes "
+                    f"ended, and none in the last {patience} steps",
+                    "set max_episode_steps, in the game or with --max-episode-steps",
+                )
 
 
 class _Recorder:
     """Keeps the steps of every slot of one policy until its episode ends.
 
-    Each slot's first episodes count, as whichever end first would favour short ones.
+    Attributes:
+        episodes: Those that ended and count, as Minari has them.
+        num_wanted: How many there shall be.
+        num_steps_waited: Steps since the last of them.
     """
 
     def __init__(self, spec: PolicySpec, num_slots: int, num_wanted: int) -> None:
         self.episodes: list[dict[str, Any]] = []
+        self.num_wanted = num_wanted
+        self.num_steps_waited = 0
         self._spec = spec
-        each, more = divmod(num_wanted, num_slots)
-        self._left = [each + (slot < more) for slot in range(num_slots)]
         self._steps: list[list[_Step]] = [[] for _ in range(num_slots)]
         self._batch: Batch | None = None
+        self._quota: Quota | None = None
 
     @property
     def is_complete(self) -> bool:
         """Whether there are as many episodes as were asked for."""
-        return not any(self._left)
+        return self._quota is not None and self._quota.is_met
 
     def begin(self, batch: Batch) -> None:
         """Take the first observations."""
         self._batch = batch
+        self._quota = Quota(batch, self.num_wanted)
 
     def record(self, actions: ActionBatch, batch: Batch) -> None:
         """Take actions and what came of them."""
-        before = self._batch
+        before, quota = self._batch, self._quota
         assert before is not None
+        assert quota is not None
         self._batch = batch
+        self.num_steps_waited += 1
+        acted = before.active.nonzero()[0]
+        for slot in acted.tolist():
+            if quota.wants(slot):
+                self._steps[slot].append(_Step(before, actions, batch, slot))
+        ended = acted[batch.terminated[acted] | batch.truncated[acted]]
         finals = {int(slot): row for row, slot in enumerate(batch.final_index)}
-        for slot in before.active.nonzero()[0].tolist():
-            if not self._left[slot]:
-                continue
-            self._steps[slot].append(_Step(before, actions, batch, slot))
-            if batch.terminated[slot] or batch.truncated[slot]:
-                final = {
-                    name: values[finals[slot]].copy()
-                    for name, values in batch.final_observation.items()
-                }
-                self._end(slot, final)
+        for slot in ended[quota.take(ended)].tolist():
+            self._end(slot, {
+                name: values[finals[slot]].copy()
+                for name, values in batch.final_observation.items()
+            })  # fmt: skip
+            self.num_steps_waited = 0
 
     def _end(self, slot: int, final: Mapping[str, NDArray[Any]]) -> None:
         steps, self._steps[slot] = self._steps[slot], []
-        self._left[slot] -= 1
         entries = {
             name: np.stack([*(step.observation[name] for step in steps), values])
             for name, values in final.items()
