@@ -81,6 +81,7 @@ SCENES = {
     "every": HEAD.format(script="counter") + agent("Agent") + agent("Idle"),
     "once": HEAD.format(script="counter") + agent("Agent", timing=ONCE) + agent("Idle"),
     "masked": HEAD.format(script="masked") + agent("Agent") + "has_action_mask = true\n",
+    "masked_unasked": HEAD.format(script="masked") + agent("Agent"),
     "several": HEAD.format(script="counter")
     + agent("A", "hero")
     + agent("B", "target")
@@ -159,8 +160,9 @@ def test_every_agent_gets_its_own_action(game: Game, engine: str) -> None:
         }
 
 
-def test_masks(game: Game) -> None:
-    session = game.open("masked", num_worlds=2)
+@pytest.mark.parametrize("scene", ["masked", "masked_unasked"])
+def test_masks(game: Game, scene: str) -> None:
+    session = game.open(scene, num_worlds=2)
     assert session.policies["agent"].has_action_mask
     mask = reset(session)["agent"].action_mask
     assert mask is not None and mask.tolist() == [[1, 0, 1]] * 2

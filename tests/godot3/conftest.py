@@ -201,6 +201,7 @@ SCENES = {
     "every": head("counter") + counter_agent("Agent") + counter_agent("Idle"),
     "once": head("counter") + counter_agent("Agent", timing=ONCE),
     "masked": head("counter") + counter_agent("Agent", mask=True),
+    "masked_unasked": head("counter") + counter_agent("Agent"),
     "several": head("counter")
     + counter_agent("A", "hero")
     + counter_agent("B", "target")

@@ -43,3 +43,8 @@ func get_action_mask() -> PoolByteArray:
 
 func reset() -> void:
 	num_resets += 1
+
+
+## It has all optional methods, and a test says which of them count.
+func has_mask() -> bool:
+	return has_action_mask

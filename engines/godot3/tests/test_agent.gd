@@ -87,6 +87,16 @@ func test_a_mask_without_its_method() -> void:
 	_check_warning(agent, "get_action_mask()")
 
 
+func test_a_mask_is_found_by_its_method() -> void:
+	var code := GAME + "func get_action_mask() -> PoolByteArray: return PoolByteArray([1, 0])"
+	var agent := _agent(_script(code))
+	check(agent.has_mask(), "has_mask")
+	equal(agent.connect_to_game(), "", "connect_to_game")
+	check(agent.has_action_mask, "has_action_mask")
+	equal(agent._get_configuration_warning(), "", "warning")
+	check(not _agent(_script(GAME)).has_mask(), "a game without the method")
+
+
 func test_scenes_may_have_the_former_name_of_sample_actions() -> void:
 	var agent := StubAgent.new()
 	agent.set("is_sampling", true)

@@ -6,8 +6,9 @@ extends Node
 ## Put it under the node that has the five methods [code]apply_action(action)[/code],
 ## [code]get_observation()[/code], [code]get_reward()[/code], [code]is_done()[/code] and
 ## [code]reset()[/code] (or point [member target_path] at it); or extend this script and write the
-## methods there. Optional methods: [code]get_action_mask() -> PoolByteArray[/code],
-## [code]is_truncated() -> bool[/code], and [code]get_manual_action()[/code], which lets a person
+## methods there. Optional methods, used where they are:
+## [code]get_action_mask() -> PoolByteArray[/code], one byte per alternative, 1 = allowed;
+## [code]is_truncated() -> bool[/code]; and [code]get_manual_action()[/code], which lets a person
 ## play while no trainer is there.
 ##
 ## An action arrives as an [int] (one choice), a [PoolIntArray] (several choices), a
@@ -38,7 +39,7 @@ export(int, 1, 1000) var ticks_per_step: int = 2
 export(ActionTiming) var action_timing: int = ActionTiming.EVERY_TICK
 ## Steps after which an episode is cut off (truncated); 0: never.
 export(int, 0, 1000000) var max_episode_steps: int = 0
-## Whether the game has [code]get_action_mask()[/code], one byte per alternative, 1 = allowed.
+## Whether the game must have [code]get_action_mask()[/code]. The method is used in any case.
 export var has_action_mask: bool = false
 ## An agent that is not enabled takes no part.
 export var enabled: bool = true setget set_enabled
@@ -127,10 +128,16 @@ func connect_to_game() -> String:
 		return "has_action_mask is on, but %s has no method get_action_mask()" % _describe(target)
 	if action.empty():
 		return "no action is declared: add a LudusActionComponent to `action`"
+	has_action_mask = has_mask()
 	if _has_foreign_items():
 		return "an item of `action` or `observation`, or `policy`, is empty or of another kind"
 	world = LudusWorld.of(self)
 	return ""
+
+
+## Whether actions are masked: the game has [code]get_action_mask()[/code].
+func has_mask() -> bool:
+	return has_action_mask or _target_has("get_action_mask")
 
 
 ## Tells the agent which batch counts its steps.
@@ -174,6 +181,14 @@ func _find_target() -> Object:
 	if has_method(REQUIRED_METHODS[0]):
 		return self
 	return get_parent() if target_path.is_empty() else get_node_or_null(target_path)
+
+
+## Whether the target has a method; in the editor, where it does not run, by its script.
+func _target_has(method: String) -> bool:
+	var node := _find_target()
+	if node == null or node.has_method(method):
+		return node != null
+	return node.get_script() != null and method in _methods_of(node.get_script())
 
 
 func _describe(node: Object) -> String:
@@ -223,12 +238,7 @@ func _get_configuration_warning() -> String:
 
 
 func _method_warnings(script: Script) -> PoolStringArray:
-	var names := []
-	var base := script
-	while base != null:
-		for method in base.get_script_method_list():
-			names.append(method["name"])
-		base = base.get_base_script()
+	var names := _methods_of(script)
 	var warnings := PoolStringArray()
 	for method in REQUIRED_METHODS:
 		if not method in names:
@@ -236,3 +246,14 @@ func _method_warnings(script: Script) -> PoolStringArray:
 	if has_action_mask and not "get_action_mask" in names:
 		warnings.append("has_action_mask is on, but the target has no method get_action_mask().")
 	return warnings
+
+
+## Names of a script's methods, those of the scripts that it extends included.
+func _methods_of(script: Script) -> Array:
+	var names := []
+	var base := script
+	while base != null:
+		for method in base.get_script_method_list():
+			names.append(method["name"])
+		base = base.get_base_script()
+	return names

@@ -91,8 +91,8 @@ func incompatibility(agent: Node) -> String:
 			return problem
 		if part.kind == LudusActionComponent.Kind.CONTINUOUS:
 			next_number += part.size
-	if _read.has_action_mask and not agent.has_action_mask:
-		return "the policy was trained with has_action_mask, the agent has it switched off"
+	if _read.has_action_mask and not agent.has_mask():
+		return "the policy was trained with get_action_mask(), which the game lacks"
 	return ""
 
 
