@@ -14,7 +14,7 @@ import torch
 
 from ludus.addon import install_addon
 from ludus.errors import ConfigError
-from ludus.runs.checkpoint import Checkpoint
+from ludus.runs.checkpoint import Checkpoint, read_checkpoint
 from ludus.runs.metrics import read_metrics
 from ludus.runs.run_folder import RunFolder
 from ludus.settings.train_config import LeagueConfig, PPOConfig, SACConfig, TrainConfig
@@ -124,7 +124,7 @@ def pennies(tmp_path: Path) -> Any:
 
 
 def newest(run: Path) -> Checkpoint:
-    return RunFolder(run).checkpoints().newest(has_replay=True)[1]
+    return read_checkpoint(RunFolder(run).checkpoints().paths()[-1], has_replay=True)
 
 
 def assert_equal(first: Checkpoint, second: Checkpoint) -> None:

@@ -12,7 +12,7 @@ import torch
 from ludus.errors import DivergenceError
 from ludus.networks.networks import perceptron
 from ludus.networks.tensors import load_tensors
-from ludus.runs.checkpoint import Checkpoint
+from ludus.runs.checkpoint import Checkpoint, read_checkpoint
 from ludus.runs.metrics import POLICY_METRICS, read_metrics
 from ludus.runs.run_folder import RunFolder
 from ludus.settings.train_config import SACConfig, TrainConfig
@@ -112,8 +112,8 @@ def tiny(tmp_path: Path, target: str = "Identity-continuous-v0", **changes: Any)
     return replace(settings, **changes)
 
 
-def newest(run: Path, *, has_replay: bool = True) -> Checkpoint:
-    return RunFolder(run).checkpoints().newest(has_replay=has_replay)[1]
+def newest(run: Path) -> Checkpoint:
+    return read_checkpoint(RunFolder(run).checkpoints().paths()[-1], has_replay=True)
 
 
 @pytest.mark.parametrize("target", ["Identity-continuous-v0", "Masked-v0"])

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import torch
 
-from ludus.runs.checkpoint import Checkpoint
+from ludus.runs.checkpoint import Checkpoint, read_checkpoint
 from ludus.runs.run_folder import RunFolder
 from ludus.settings.train_config import TrainConfig
 from ludus.workers import opening
@@ -40,7 +40,7 @@ def use_in_process(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def newest(run: Path) -> Checkpoint:
-    return RunFolder(run).checkpoints().newest(has_replay=True)[1]
+    return read_checkpoint(RunFolder(run).checkpoints().paths()[-1], has_replay=True)
 
 
 def assert_equal(first: Checkpoint, second: Checkpoint) -> None:

@@ -281,16 +281,15 @@ class CheckpointStore:
             write_checkpoint(path, replace(checkpoint, learners=learners))
         return path
 
-    def newest(self, *, has_replay: bool = False) -> tuple[Path, Checkpoint]:
-        """Return the newest checkpoint that can be loaded, and where it is; renames nothing.
+    def newest(self) -> tuple[Path, Checkpoint]:
+        """Return the newest checkpoint that can be loaded, without replay buffers, and its path.
 
-        Args:
-            has_replay: Read replay buffers as well.
+        Renames nothing.
 
         Raises:
             CheckpointError: There is none.
         """
-        return self._load(lambda path, checkpoint: (path, checkpoint), has_replay=has_replay)
+        return self._load(lambda path, checkpoint: (path, checkpoint), is_resumed=False)
 
     def resume(self, take: Callable[[Path, Checkpoint], Taken]) -> Taken:
         """Return what ``take`` makes of the newest checkpoint that can be loaded.
@@ -306,28 +305,22 @@ class CheckpointStore:
             CheckpointError: There is none, or ``take`` refuses one; nothing was renamed.
             RunError: One could not be renamed.
         """
-        return self._load(take, has_replay=True, set_aside=True)
+        return self._load(take, is_resumed=True)
 
-    def _load(
-        self,
-        take: Callable[[Path, Checkpoint], Taken],
-        *,
-        has_replay: bool,
-        set_aside: bool = False,
-    ) -> Taken:
+    def _load(self, take: Callable[[Path, Checkpoint], Taken], *, is_resumed: bool) -> Taken:
         tried: set[Path] = set()
         # A run that goes on may drop all that were there, and write others, while they are read.
         while untried := [p for p in [*self.kept(), *self.paths()] if p not in tried]:
             for path in reversed(untried):
                 tried.add(path)
                 try:
-                    taken = take(path, read_checkpoint(path, has_replay=has_replay))
+                    taken = take(path, read_checkpoint(path, has_replay=is_resumed))
                 except CorruptError as error:
                     log.warning("%s; trying an older one", error.message)
                     continue
                 except _MissingError:
                     continue
-                for unloadable in sorted(tried - {path}) if set_aside else ():
+                for unloadable in sorted(tried - {path}) if is_resumed else ():
                     self._set_aside(unloadable)
                 return taken
         raise CheckpointError(

@@ -63,7 +63,7 @@ class RunFolder:
         Raises:
             RunError: A folder of the name that ``config`` asks for exists, or none can be made.
         """
-        stem = config.name or f"{_slug(config.target)}-{time.strftime('%Y%m%d-%H%M%S')}"
+        stem = config.name or f"{cls.stem(config.target)}-{time.strftime('%Y%m%d-%H%M%S')}"
         path, attempt = config.runs / stem, 1
         with disk_errors(f"the run folder {path}"):
             config.runs.mkdir(parents=True, exist_ok=True)
@@ -83,8 +83,14 @@ class RunFolder:
 
     @staticmethod
     def stem(target: str) -> str:
-        """Return what a folder is called that has something to do with a target."""
-        return _slug(target)
+        """Return what names of folders that belong to a target begin with."""
+        from ludus.target import GYMNASIUM_PREFIX
+
+        if target.startswith(GYMNASIUM_PREFIX):
+            stem = target.removeprefix(GYMNASIUM_PREFIX)
+        else:
+            stem = Path(target).stem if Path(target).exists() else Path(target).name
+        return re.sub(r"[^A-Za-z0-9._-]+", "-", stem).strip("-.") or "run"
 
     @classmethod
     def find(cls, path: Path) -> RunFolder:
@@ -269,13 +275,3 @@ def stack_layers(
             kept = {k: v for k, v in layers[index].values.items() if k not in over}
             require_trust(path, {k: v for k, v in kept.items() if k in PROGRAM_SETTINGS})
     return tuple(layers)
-
-
-def _slug(target: str) -> str:
-    from ludus.target import GYMNASIUM_PREFIX
-
-    if target.startswith(GYMNASIUM_PREFIX):
-        stem = target.removeprefix(GYMNASIUM_PREFIX)
-    else:
-        stem = Path(target).stem if Path(target).exists() else Path(target).name
-    return re.sub(r"[^A-Za-z0-9._-]+", "-", stem).strip("-.") or "run"

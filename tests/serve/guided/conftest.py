@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import torch
 
-from ludus.runs.checkpoint import Checkpoint
+from ludus.runs.checkpoint import Checkpoint, read_checkpoint
 from ludus.runs.run_folder import RunFolder
 from ludus.serve.guided.serving import GuidedConfig, serve_guided
 from tests.serve.guided.game import DEADLINE_S, Game
@@ -59,7 +59,7 @@ class Running:
         return RunFolder(self.config.runs / run)
 
     def newest(self, run: str = "run") -> Checkpoint:
-        return self.folder(run).checkpoints().newest(has_replay=True)[1]
+        return read_checkpoint(self.folder(run).checkpoints().paths()[-1], has_replay=True)
 
     def stop(self) -> None:
         self._is_stopping.set()
