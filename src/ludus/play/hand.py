@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import islice
 from typing import Any, cast
-
-import numpy as np
 
 from ludus.errors import ActionError, GameError, TargetError
 from ludus.play.players import Act
 from ludus.pool import EnginePool
-from ludus.spec import DiscreteAction, PolicySpec
+from ludus.spec import ContinuousAction, DiscreteAction, PolicySpec
 from ludus.spec.batch import ActionBatch, Batches
 
 __all__ = ["hand_player"]
@@ -94,23 +93,78 @@ def _join(spec: PolicySpec, pool: EnginePool, said: Mapping[int, Any]) -> Action
 
 def _write_action(spec: PolicySpec, value: Any, batch: ActionBatch, slot: int) -> None:
     """Write an action as games have them: a number, a list, or a dictionary by component."""
-    parts: list[Any] = [value]
-    if isinstance(value, Mapping):
-        named = cast(Mapping[str, Any], value)
-        parts = [named.get(part.name) for part in spec.action]
-    elif isinstance(value, list):
-        parts = cast(list[Any], value)
     try:
-        if isinstance(value, Mapping):
-            kinds = [isinstance(part, DiscreteAction) for part in spec.action]
-            pairs = list(zip(kinds, parts, strict=True))
-            choices = [part for is_choice, part in pairs if is_choice]
-            numbers = np.hstack([part for is_choice, part in pairs if not is_choice])
-        else:
-            choices, numbers = (parts, []) if spec.num_discrete else ([], parts)
-        batch.discrete[slot] = [int(choice) for choice in choices]
-        batch.continuous[slot] = np.asarray(numbers, np.float32)
+        said = _by_component(spec, value)
+        choices = [
+            _read_choice(part, said[part.name])
+            for part in spec.action
+            if isinstance(part, DiscreteAction)
+        ]
+        numbers = [
+            number
+            for part in spec.action
+            if isinstance(part, ContinuousAction)
+            for number in _read_numbers(part, said[part.name])
+        ]
     except (TypeError, ValueError) as error:
         raise ActionError(
             f"{METHOD}() of policy {spec.name} returned {value!r}, which is not an action: {error}"
         ) from None
+    batch.discrete[slot] = choices
+    batch.continuous[slot] = numbers
+
+
+def _by_component(spec: PolicySpec, value: Any) -> Mapping[str, Any]:
+    """Return what a game said of each component; a list has their numbers one after another.
+
+    Raises:
+        ValueError: Something is missing, or too much.
+    """
+    names = ", ".join(part.name for part in spec.action)
+    if isinstance(value, Mapping):
+        named = cast(Mapping[str, Any], value)
+        missing = [part.name for part in spec.action if part.name not in named]
+        if missing:
+            raise ValueError(f"it lacks {', '.join(missing)}")
+        return named
+    if spec.num_discrete and spec.continuous_size:
+        raise ValueError(f"expected a dictionary of {names}")
+    said = cast(list[Any], value) if isinstance(value, list) else [value]
+    size = spec.num_discrete or spec.continuous_size
+    if len(said) != size:
+        raise ValueError(f"expected {size} numbers for {names}, got {len(said)}")
+    if spec.num_discrete:
+        return {part.name: number for part, number in zip(spec.action, said, strict=True)}
+    rest = iter(said)
+    return {
+        part.name: list(islice(rest, part.size))
+        for part in spec.action
+        if isinstance(part, ContinuousAction)
+    }
+
+
+def _read_choice(part: DiscreteAction, said: Any) -> int:
+    """Return a choice; games may say it as a float or a bool.
+
+    Raises:
+        TypeError: It is no number.
+        ValueError: It is no number, or out of range.
+    """
+    choice = int(said)
+    if not 0 <= choice < part.n:
+        raise ValueError(f"{part.name} is {choice}, expected 0 to {part.n - 1}")
+    return choice
+
+
+def _read_numbers(part: ContinuousAction, said: Any) -> list[float]:
+    """Return the numbers of a component; one may come without a list.
+
+    Raises:
+        TypeError: They are no numbers.
+        ValueError: They are no numbers, or not as many as the component has.
+    """
+    parts = cast(list[Any], said) if isinstance(said, list) else [said]
+    numbers = [float(number) for number in parts]
+    if len(numbers) != part.size:
+        raise ValueError(f"{part.name} has {len(numbers)} numbers, expected {part.size}")
+    return numbers
