@@ -196,8 +196,9 @@ class LudusEnvRunner(MultiAgentEnvRunner):
     ``env_config`` holds ``"target"``, maybe ``"num_engines"``, and settings of
     :func:`ludus.make_vec`. A step of all agents of one world is one env step.
 
-    It needs modules without memory, and observations that are one array; connectors between
-    environment and module of one's own, and callbacks of single steps and episodes, are not called.
+    It needs modules without memory, observations that are one array, and policies without action
+    masks; connectors between environment and module of one's own, and callbacks of single steps and
+    episodes, are not called.
 
     Raises:
         UsageError: One of these is asked for.
@@ -276,6 +277,13 @@ class LudusEnvRunner(MultiAgentEnvRunner):
                     "gives modules one",
                     hint="put them into one entry called observation; or use RLlib's own runner "
                     "with LudusMultiAgentEnv and the connector FlattenObservations",
+                )
+            if policy.has_action_mask:
+                raise UsageError(
+                    f"policy {policy.name!r} has action masks, and LudusEnvRunner gives modules "
+                    "none",
+                    hint="use RLlib's own runner with LudusMultiAgentEnv and a module that masks "
+                    "like ActionMaskingTorchRLModule of RLlib's examples (docs/libraries/rllib.md)",
                 )
         if self.config._env_to_module_connector or self.config._module_to_env_connector:
             raise UsageError(

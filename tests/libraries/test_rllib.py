@@ -93,6 +93,8 @@ def test_what_the_runner_cannot_do_is_refused(tasks: Path) -> None:
         LudusEnvRunner(
             config=configure(tasks / "identity_mixed.tscn", 1, {"mixed"}), worker_index=0
         )
+    with pytest.raises(UsageError, match=r"(?s)has action masks.*ActionMaskingTorchRLModule"):
+        LudusEnvRunner(config=configure("key_door", 1, {"hero"}), worker_index=0)
 
 
 def test_rllibs_own_runner_takes_the_environment() -> None:
