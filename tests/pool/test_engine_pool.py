@@ -445,6 +445,28 @@ def test_leaving_the_block_ends_all(fleet: Fleet) -> None:
     pool.close()
 
 
+@pytest.mark.parametrize("engine", range(3))
+def test_an_engine_that_cannot_be_ended_leaves_none_of_the_others(
+    fleet: Fleet, engine: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail() -> None:
+        raise RuntimeError("it does not end")
+
+    freed: list[str] = []
+
+    class Reserved(ReservedCores):
+        def close(self) -> None:
+            freed.append("freed")
+
+    pool = EnginePool(fleet.open, 3, cores=Reserved(CorePlan((None,) * 3, None)))
+    with monkeypatch.context() as patch, pytest.raises(RuntimeError, match="it does not end"):
+        patch.setattr(pool.sessions[engine], "close", fail)
+        pool.close()
+    for other in {0, 1, 2} - {engine}:
+        fleet.engines[other, 0].join()
+    assert freed == ["freed"]
+
+
 @pytest.mark.slow
 def test_timeouts_are_errors_of_the_engine(fleet: Fleet) -> None:
     fleet.deaths = {(0, 0): 1}

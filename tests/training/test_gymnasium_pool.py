@@ -1,12 +1,17 @@
 from __future__ import annotations
 
+from typing import Any, ClassVar, cast
+
+import gymnasium
 import numpy as np
 import pytest
+from gymnasium.envs.registration import EnvSpec
 
 import ludus
 from ludus.errors import ConfigError, SequenceError, TargetError
 from ludus.pool import Pool, PoolConfig, open_pool
 from ludus.spec.batch import ActionBatch
+from tests.training.environments import Constant
 
 
 def actions(pool: Pool, engine: int | None = None) -> dict[str, ActionBatch]:
@@ -89,6 +94,56 @@ def test_masks_and_bounds() -> None:
 def test_unknown_environment(env_id: str) -> None:
     with pytest.raises(TargetError, match="cannot make"):
         open_pool(f"gym:{env_id}")
+
+
+class Frail(Constant):
+    """Environment ``broken`` cannot be made, ``stubborn`` cannot be closed; counted from 0."""
+
+    broken = stubborn = -1
+    made: ClassVar[list[int]] = []
+    closed: ClassVar[list[int]] = []
+
+    def __init__(self) -> None:
+        super().__init__()
+        if len(self.made) == self.broken:
+            raise RuntimeError("it cannot be made")
+        self.number = len(self.made)
+        self.made.append(self.number)
+
+    def close(self) -> None:
+        if self.number == self.stubborn:
+            raise RuntimeError("it cannot be closed")
+        self.closed.append(self.number)
+
+
+@pytest.fixture
+def frail(monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.setattr(Frail, "made", [])
+    monkeypatch.setattr(Frail, "closed", [])
+    spec = EnvSpec("Frail-v0", cast(Any, Frail))
+    monkeypatch.setitem(cast(Any, gymnasium).registry, "Frail-v0", spec)
+    return "gym:Frail-v0"
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_an_environment_that_cannot_be_closed_leaves_none_of_the_others(
+    frail: str, number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Frail, "stubborn", number)
+    pool = open_pool(frail, PoolConfig(num_worlds=2, num_engines=2))
+    with pytest.raises(RuntimeError, match="it cannot be closed"):
+        pool.close()
+    assert set(Frail.closed) == {0, 1, 2, 3} - {number}
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_an_environment_that_cannot_be_made_leaves_none_of_the_others(
+    frail: str, number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Frail, "broken", number)
+    with pytest.raises(RuntimeError, match="it cannot be made"):
+        open_pool(frail, PoolConfig(num_worlds=2, num_engines=2))
+    assert sorted(Frail.closed) == list(range(number))
 
 
 def test_settings_of_engines_are_refused() -> None:

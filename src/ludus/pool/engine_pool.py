@@ -316,11 +316,10 @@ class EnginePool:
 
     def close(self) -> None:
         """End all engines; may be called twice."""
-        try:
+        with contextlib.ExitStack() as stack:
+            stack.callback(self._cores.close)
             for session in self._sessions:
-                session.close()
-        finally:
-            self._cores.close()
+                stack.callback(session.close)
 
     def __enter__(self) -> EnginePool:
         return self

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +23,7 @@ from ludus.legacy.registry import (
 )
 from ludus.pool.engine_pool import EnginePool
 from ludus.session import Session, open_session
-from ludus.session.gymnasium_session import GymnasiumSession, make_environment
+from ludus.session.gymnasium_session import GymEnv, GymnasiumSession, make_environment
 from ludus.settings.pool_config import PoolConfig
 from ludus.target import (
     Address,
@@ -117,18 +118,20 @@ def _open_environments(
 ) -> EnginePool:
     check_settings(target, config)
     render_mode = render_mode or ("human" if config.launch.is_windowed else None)
-    # All are made here, as an environment may hold what belongs to the thread that made it; and
-    # only once, as one that fails would fail again.
-    sessions = [
-        GymnasiumSession(
-            [
-                make_environment(target.env_id, config.max_episode_steps, render_mode)
-                for _ in range(config.num_worlds)
-            ],
-            target.env_id,
-        )
-        for _ in range(config.num_engines)
-    ]
+    with contextlib.ExitStack() as stack:
+
+        def make() -> GymEnv:
+            env = make_environment(target.env_id, config.max_episode_steps, render_mode)
+            stack.callback(env.close)
+            return env
+
+        # All are made here, as an environment may hold what belongs to the thread that made it;
+        # and only once, as one that fails would fail again.
+        sessions = [
+            GymnasiumSession([make() for _ in range(config.num_worlds)], target.env_id)
+            for _ in range(config.num_engines)
+        ]
+        stack.pop_all()  # the pool closes them from now on
     return EnginePool(sessions.__getitem__, config.num_engines)
 
 

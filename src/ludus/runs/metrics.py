@@ -8,6 +8,7 @@ of :mod:`ludus.runs.tracking` call them ``<name>/<metric>`` and ``game/<name>/<m
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import json
 import logging
@@ -143,11 +144,12 @@ class MetricsLog:
 
     def close(self) -> None:
         """Close both files and all trackers."""
-        for tracker in self._trackers:
-            tracker.close()
-        with disk_errors(str(self._path)):
-            self._lines.close()
-        self._events.close()
+        with contextlib.ExitStack() as stack:
+            stack.callback(self._events.close)
+            for tracker in self._trackers:
+                stack.callback(tracker.close)
+            with disk_errors(str(self._path)):
+                self._lines.close()
 
 
 class _EventFile:

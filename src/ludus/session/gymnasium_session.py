@@ -6,6 +6,7 @@ is called ``agent``.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -216,8 +217,9 @@ class GymnasiumSession:
 
     def close(self) -> None:
         """Close all environments."""
-        for env in self._envs:
-            env.close()
+        with contextlib.ExitStack() as stack:
+            for env in self._envs:
+                stack.callback(env.close)
 
 
 def _read_spec(envs: Sequence[GymEnv], name: str) -> Spec:

@@ -35,21 +35,23 @@ def open_machines(config: TrainConfig, log_dir: Path | None = None) -> RemotePoo
         MissingExtra: Ray is not installed, and ``config.cluster`` names a cluster of it.
     """
     config = _checked(config)
-    machines: list[Machine] = []
-    try:
-        started, start_again = _start(config, log_dir)
-        machines += started
+    with contextlib.ExitStack() as stack:
+        machines, start_again = _start(config, log_dir, stack)
         specs = [machine.receive() for machine in machines]
-        return RemotePool(machines, specs, start_again, config)
-    except BaseException:
-        _close(machines)
-        raise
+        pool = RemotePool(machines, specs, start_again, config)
+        stack.pop_all()  # the pool closes them from now on
+    return pool
 
 
 def _start(
-    config: TrainConfig, log_dir: Path | None
+    config: TrainConfig, log_dir: Path | None, stack: contextlib.ExitStack
 ) -> tuple[Sequence[Machine], Callable[[int], Machine | None]]:
     """Start all workers at once; the first answer of each is the spec of its games.
+
+    Args:
+        config: Settings of the run.
+        log_dir: Where engines on this machine leave their output.
+        stack: Closes the machines.
 
     Returns:
         The machines, and what starts the worker of one of them again, or returns None.
@@ -60,12 +62,16 @@ def _start(
         require_package("ray")
         from ludus.workers.ray_machines import open_ray_machines
 
-        return open_ray_machines(config, log_dir)
+        machines, start_again = open_ray_machines(config, log_dir)
+        for machine in machines:
+            stack.callback(machine.close)
+        return machines, start_again
 
     def start(index: int) -> Machine:
         return ProcessMachine(config, index, log_dir)
 
-    return [start(index) for index in range(int(found[1]))], start
+    indices = range(int(found[1]))
+    return [stack.enter_context(contextlib.closing(start(index))) for index in indices], start
 
 
 def _checked(config: TrainConfig) -> TrainConfig:
@@ -89,9 +95,3 @@ def _checked(config: TrainConfig) -> TrainConfig:
             "leave out --cluster, or name the game itself: its project, or what was exported",
         )
     return config
-
-
-def _close(machines: Sequence[Machine]) -> None:
-    with contextlib.ExitStack() as stack:
-        for machine in machines:
-            stack.callback(machine.close)

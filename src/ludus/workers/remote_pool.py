@@ -5,6 +5,7 @@ Nothing here knows how a worker is reached; :class:`~ludus.workers.interface.Mac
 
 from __future__ import annotations
 
+import contextlib
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -256,8 +257,9 @@ class RemotePool:
 
     def close(self) -> None:
         """End all workers and their engines; may be called twice."""
-        for machine in self.machines:
-            machine.close()
+        with contextlib.ExitStack() as stack:
+            for machine in self.machines:
+                stack.callback(machine.close)
 
     def _joined(self, parts: Sequence[Batches]) -> Batches:
         for error in self.lost.values():
