@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -183,7 +182,7 @@ def test_a_run_that_was_cut_off_before_its_first_checkpoint_begins_again(
         (
             {"ppo.rollout_steps": "16,24"},
             {"ppo.rollout_steps": 24},
-            "failed: ppo: rollout_steps must be a multiple of sequence_length, 16",
+            "failed: ppo: rollout_steps must be a multiple of sequence_length (16)",
         ),
         (
             {"algorithm": "ppo,sac"},
@@ -208,7 +207,7 @@ def test_a_proposal_that_does_not_fit_is_a_failed_trial(
     assert [trial.values for trial in sweep.trials if trial.state == "failed"]
     for trial in sweep.trials:
         assert trial.state == ("failed" if trial.values == unfit else "complete")
-    assert re.search(message, caplog.text)
+    assert message in caplog.text
 
 
 @pytest.mark.libraries

@@ -116,7 +116,7 @@ class PPOConfig(Settings):
     def __post_init__(self) -> None:
         super().__post_init__()
         is_whole = self.rollout_steps % min(self.sequence_length, self.rollout_steps) == 0
-        expected = f"a multiple of sequence_length, {self.sequence_length},"
+        expected = f"a multiple of sequence_length ({self.sequence_length})"
         require(is_whole or not self.memory_size, "rollout_steps", expected, self.rollout_steps)
 
 
