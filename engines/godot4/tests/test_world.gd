@@ -74,6 +74,63 @@ func test_the_world_of_a_node() -> void:
 	check(LudusWorld.find_in(root) == world, "found in the scene")
 
 
+func test_the_world_of_a_scene_in_a_scene() -> void:
+	var level := Node2D.new()
+	var player := _instance_in(level)
+	var world := LudusWorld.new()
+	world.episode_mode = LudusWorld.Episode.WORLD
+	level.add_child(world)
+	add(level)
+	check(LudusWorld.of(player.get_child(0)) == world, "the world of the level")
+	check(world.root == level, "its root")
+	var spawned := _instance_in(null)
+	level.add_child(spawned)
+	check(LudusWorld.of(spawned.get_child(0)) == world, "of one that came later")
+
+
+func test_the_default_world_is_that_of_the_outermost_scene() -> void:
+	var level := Node2D.new()
+	var first := _instance_in(level)
+	var second := _instance_in(level)
+	add(level)
+	var world := LudusWorld.of(first.get_child(0))
+	check(world.root == level, "its root")
+	check(LudusWorld.of(second.get_child(0)) == world, "both players share it")
+
+
+func test_the_world_of_nodes_made_in_code() -> void:
+	var main := Node.new()
+	add(main)
+	tree.current_scene = main
+	var spawned := _instance_in(null)
+	main.add_child(spawned)
+	check(LudusWorld.of(spawned.get_child(0)).root == main, "the current scene")
+	tree.current_scene = null
+
+
+func test_the_world_of_a_lone_scene_outside_the_current_one() -> void:
+	var spawned := _instance_in(null)
+	add(spawned)
+	check(LudusWorld.of(spawned.get_child(0)).root == spawned, "the scene itself")
+
+
+func test_a_viewer_is_no_world() -> void:
+	var script := GDScript.new()
+	script.source_code = "extends Node\nfunc ludus_world_scene() -> PackedScene:\n\treturn null\n"
+	equal(script.reload(), OK, "the script")
+	for has_owner: bool in [true, false]:
+		var viewer := Node.new()
+		viewer.set_script(script)
+		viewer.add_child(LudusWorld.new())
+		var arena := _instance_in(viewer if has_owner else null)
+		if not has_owner:
+			viewer.add_child(arena)
+		add(viewer)
+		tree.current_scene = viewer
+		check(LudusWorld.of(arena.get_child(0)).root == arena, "the scene in the viewer")
+		tree.current_scene = null
+
+
 func test_warnings() -> void:
 	var root := Node2D.new()
 	var world := LudusWorld.new()
@@ -109,6 +166,18 @@ func _check_warning(world: LudusWorld, expected: String) -> void:
 		return
 	equal(warnings.size(), 1, expected)
 	check(expected in "\n".join(warnings), "%s: %s" % [expected, "\n".join(warnings)])
+
+
+## The root of a scene with one node, as it stands in the scene of [param outer].
+func _instance_in(outer: Node) -> Node:
+	var inner := Node2D.new()
+	var child := Node.new()
+	inner.add_child(child)
+	child.owner = inner
+	if outer != null:
+		outer.add_child(inner)
+		inner.owner = outer
+	return inner
 
 
 func _world(seed_value: int) -> LudusWorld:

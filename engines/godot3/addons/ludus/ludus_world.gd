@@ -149,15 +149,34 @@ static func _own_script() -> Script:
 
 
 static func _adopt(node: Node) -> LudusWorld:
-	var scene_root: Node = node.owner if node.owner != null else node
+	var scene_root := _find_scene_root(node)
 	var world: LudusWorld = find_in(scene_root)
 	if world == null:
 		world = _own_script().new()
-		scene_root.add_child(world)
+		if scene_root == node:
+			scene_root.add_child(world)
+		else:  # a node below may ask in its own _ready(), when its parents take no children
+			scene_root.call_deferred("add_child", world)
 	world.attach(scene_root)
 	world.set_seed(randi())
 	world.begin_episode()
 	return world
+
+
+## Returns the root of what a trainer would copy: of all scenes around [param node], the innermost
+## one that has a world node, or else the outermost one.
+static func _find_scene_root(node: Node) -> Node:
+	var current := node.get_tree().current_scene if node.is_inside_tree() else null
+	var outermost := node
+	var ancestor := node
+	while ancestor != null:
+		if find_in(ancestor) != null:
+			return ancestor
+		# Nodes that the game makes in code have no owner.
+		if ancestor == outermost.owner or ancestor == current:
+			outermost = ancestor
+		ancestor = ancestor.get_parent()
+	return outermost
 
 
 func _get_configuration_warning() -> String:

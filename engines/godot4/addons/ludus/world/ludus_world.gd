@@ -29,6 +29,9 @@ enum Episode {
 const LudusRegistry := preload("res://addons/ludus/bridge/registry.gd")
 
 const META_NAME := &"ludus_world"
+## Method of the root of a viewer scene: one that shows the worlds instead of being one. It returns
+## the [PackedScene] that worlds are copies of.
+const VIEWER_METHOD := &"ludus_world_scene"
 const DISTANCE_3D := Vector3(100.0, 0.0, 100.0)
 ## Odd 64-bit constants of splitmix64; they spread neighbouring seeds and episodes far apart.
 const _SEED_FACTOR := -7046029254386353131
@@ -99,7 +102,7 @@ static func find_above(node: Node) -> LudusWorld:
 
 
 static func _adopt(node: Node) -> LudusWorld:
-	var scene_root: Node = node.owner if node.owner != null else node
+	var scene_root := _find_scene_root(node)
 	var world := find_in(scene_root)
 	if world == null:
 		world = LudusWorld.new()
@@ -112,6 +115,23 @@ static func _adopt(node: Node) -> LudusWorld:
 	world.set_seed(randi())
 	world.begin_episode()
 	return world
+
+
+## Returns the root of what a trainer would copy: of all scenes around [param node], the innermost
+## one that has a world node, or else the outermost one.
+static func _find_scene_root(node: Node) -> Node:
+	var current := node.get_tree().current_scene if node.is_inside_tree() else null
+	var outermost := node
+	var ancestor := node
+	while ancestor != null:
+		if not ancestor.has_method(VIEWER_METHOD):
+			if find_in(ancestor) != null:
+				return ancestor
+			# Nodes that the game makes in code have no owner.
+			if ancestor == outermost.owner or ancestor == current:
+				outermost = ancestor
+		ancestor = ancestor.get_parent()
+	return outermost
 
 
 ## Returns the world node in a scene, or null.

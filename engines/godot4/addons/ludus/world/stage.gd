@@ -4,10 +4,6 @@ extends Node
 const LudusExtent := preload("res://addons/ludus/world/extent.gd")
 const LudusViews := preload("res://addons/ludus/world/views.gd")
 
-## Method of the root of a viewer scene: one that shows the worlds instead of being one. It returns
-## the [PackedScene] that worlds are copies of.
-const VIEWER_METHOD := &"ludus_world_scene"
-
 ## The worlds, in order.
 var worlds: Array[LudusWorld] = []
 ## The layout in use.
@@ -148,7 +144,7 @@ static func show_viewer(asked: PackedScene, tree: SceneTree) -> PackedScene:
 	var root := asked.instantiate()
 	tree.root.add_child(root)
 	tree.current_scene = root
-	return root.call(VIEWER_METHOD)
+	return root.call(LudusWorld.VIEWER_METHOD)
 
 
 ## Whether the root of a scene names another one that worlds are made of.
@@ -157,7 +153,7 @@ static func is_viewer(asked: PackedScene) -> bool:
 	if script == null:
 		return false
 	for method: Dictionary in script.get_script_method_list():
-		if method["name"] == VIEWER_METHOD:
+		if method["name"] == LudusWorld.VIEWER_METHOD:
 			return true
 	return false
 
