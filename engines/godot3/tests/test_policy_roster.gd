@@ -27,6 +27,18 @@ func test_newcomers_join_as_they_are() -> void:
 	equal(newcomer[0].num_resets, 0, "resets")
 
 
+func test_agents_that_come_as_the_first_episode_begins() -> void:
+	var golden := _golden("perceptron_tanh")
+	var first: StubAgent = _in_one_world(_agents(golden, 1))[0]
+	var came := []
+	var binds := [golden, first.world, came]
+	equal(first.world.connect("episode_started", self, "_bring_agent", binds), OK, "connect")
+	_advance(_player(), 3)
+	equal(came.size(), 1, "agents that came")
+	equal(came[0].applied.size(), 1, "it acts")
+	equal(came[0].num_resets, 0, "and is not reset")
+
+
 func test_an_agent_that_leaves() -> void:
 	var golden := _golden("perceptron_tanh")
 	var agents := _agents(golden, 2)
@@ -138,3 +150,7 @@ func test_people_leave_such_agents_alone() -> void:
 	for _tick in 4:
 		manual.advance()
 	equal(agent.num_resets, 0, "resets")
+
+
+func _bring_agent(golden: GoldenPolicy, world: LudusWorld, came: Array) -> void:
+	came.append_array(_in_one_world(_agents(golden, 1), world))

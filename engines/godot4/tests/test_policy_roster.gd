@@ -30,6 +30,19 @@ func test_newcomers_join_as_they_are() -> void:
 	equal(newcomer[0].num_resets, 0, "resets")
 
 
+func test_agents_that_come_as_the_first_episode_begins() -> void:
+	var golden := _golden("perceptron_tanh")
+	var first := _in_one_world(_agents(golden, 1), false)[0]
+	var came: Array[StubAgent] = []
+	first.world.episode_started.connect(
+		func() -> void: came.append(_in_one_world(_agents(golden, 1), true, first.world)[0])
+	)
+	_advance(_player(), 3)
+	equal(came.size(), 1, "agents that came")
+	equal(came[0].applied.size(), 1, "it acts")
+	equal(came[0].num_resets, 0, "and is not reset")
+
+
 func test_an_agent_that_leaves() -> void:
 	var golden := _golden("perceptron_tanh")
 	var agents := _agents(golden, 2)

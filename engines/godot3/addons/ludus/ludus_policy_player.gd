@@ -92,9 +92,9 @@ func _update_roster() -> void:
 	for node in get_tree().get_nodes_in_group(LudusAgent.GROUP_NAME):
 		if node is LudusAgent and _wants_to_play(node):
 			newcomers.append(node)
-	_admit(newcomers)
-	# Whatever the game did to its agents until here is seen.
+	# Before their episodes begin, which may bring more agents.
 	_seen_changes = LudusAgent.num_changes()
+	_admit(newcomers)
 
 
 func _wants_to_play(agent: LudusAgent) -> bool:

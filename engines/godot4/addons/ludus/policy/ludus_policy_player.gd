@@ -95,9 +95,9 @@ func _update_roster() -> void:
 	for agent: LudusAgent in LudusRegistry.agents:
 		if _wants_to_play(agent):
 			newcomers.append(agent)
-	_admit(newcomers)
-	# Whatever the game did to its agents until here is seen.
+	# Before their episodes begin, which may bring more agents.
 	_seen_changes = LudusRegistry.num_changes
+	_admit(newcomers)
 
 
 func _wants_to_play(agent: LudusAgent) -> bool:
