@@ -59,6 +59,20 @@ func test_an_agent_that_leaves() -> void:
 	equal(group.batch.agents.size(), 2, "and gets the free slot")
 
 
+func test_a_scene_that_is_left_while_it_settles() -> void:
+	var golden := _golden("perceptron_tanh")
+	var first := _in_one_world(_agents(golden, 1), false)[0]
+	first.world.settle_ticks = 4
+	var player := _player()
+	_advance(player, 2)
+	first.world.root.free()
+	var next := _agents(golden, 1)[0]
+	_advance(player, 9)
+	equal(next.applied.size(), 9, "the agent of the next scene acts")
+	var group: LudusPolicyGroup = player.get("_groups")[0]
+	equal(group.batch.active, PackedByteArray([0, 1]), "only that one plays")
+
+
 func test_agents_are_switched_off_and_on() -> void:
 	var agent := _agents(_golden("perceptron_tanh"), 1)[0]
 	var player := _player()

@@ -131,7 +131,9 @@ func act(tick: int) -> void:
 	for slot in batch.agents.size():
 		if _ready_at[slot] >= 0 and _ready_at[slot] <= tick:
 			_ready_at[slot] = -1
-			batch.activate(slot)
+			# Its agent may have left with its scene: then the episode never began.
+			if is_instance_valid(batch.agents[slot]):
+				batch.activate(slot)
 		if batch.active[slot] == 1:
 			_active_slots.append(slot)
 	if _active_slots.empty():

@@ -133,9 +133,8 @@ func episode_return(slot: int) -> float:
 func act(tick: int) -> void:
 	_active_slots.clear()
 	for slot: int in batch.agents.size():
-		if _ready_at[slot] >= 0 and _ready_at[slot] <= tick and worlds[slot].is_ready:
-			_ready_at[slot] = -1
-			batch.activate(slot)
+		if _ready_at[slot] >= 0 and _ready_at[slot] <= tick:
+			_end_wait(slot)
 		if batch.active[slot] == 1:
 			_active_slots.append(slot)
 	if _active_slots.is_empty():
@@ -196,6 +195,16 @@ func _find_entry(entry_name: String) -> int:
 		if batch.layout.entries[i].name == entry_name:
 			return i
 	return -1
+
+
+## Lets a slot act from now on, once its world is ready. The agent may have left with its scene
+## before that: then its episode never began.
+func _end_wait(slot: int) -> void:
+	var has_left := not is_instance_valid(batch.agents[slot])
+	if has_left or not is_instance_valid(worlds[slot]) or worlds[slot].is_ready:
+		_ready_at[slot] = -1
+		if not has_left:
+			batch.activate(slot)
 
 
 func _is_free(slot: int) -> bool:
