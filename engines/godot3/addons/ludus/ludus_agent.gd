@@ -146,6 +146,11 @@ func join_batch(batch: Reference, slot: int) -> void:
 	_slot = slot
 
 
+## Whether a batch has the agent in a slot.
+func is_in_batch() -> bool:
+	return _batch != null and _batch.agents[_slot] == self
+
+
 ## Whether the agent is about to leave the scene.
 func is_leaving() -> bool:
 	if is_queued_for_deletion() or target.is_queued_for_deletion():
