@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ludus.pool import EnginePool, PoolConfig, open_pool
 from ludus.spec.batch import ActionBatch, Batches
+from tests.godot_project import write_project
 from tests.targets import find_scene
 
 pytestmark = pytest.mark.engine
@@ -97,3 +99,69 @@ def test_a_world_that_lost_agents_is_made_anew(frames: list[Batches]) -> None:
     assert following[[EARLY, LEAVER], 1].tolist() == [1, 1]
     assert following[[EARLY, LEAVER], 4].tolist() == [2, 2], "both ticks of the first step count"
     assert frames[8]["watcher"].active.all()
+
+
+# In step 3 Unit leaves. Late joins, in the step that its world's parameter says, and gets its slot.
+UNIT = """\
+extends LudusAgent
+var steps := 0
+var resets := 0
+func _init() -> void:
+	action = [LudusActionComponent.discrete("push", 3)]
+	action_timing = ActionTiming.ONCE
+func apply_action(_action: int) -> void:
+	steps += 1
+	if name != "Boss":
+		return
+	if steps == int(LudusWorld.of(self).parameters.get("join_at", 0)):
+		var late: Node = get_script().new()
+		late.name = "Late"
+		get_parent().add_child(late)
+	if steps == 3:
+		get_parent().get_node("Unit").queue_free()
+func get_observation() -> Array:
+	return [resets]
+func get_reward() -> float:
+	return 0.0
+func is_done() -> bool:
+	return false
+func reset() -> void:
+	resets += 1
+	steps = 0
+"""
+UNITS_SCENE = {
+    "godot4": """\
+[gd_scene format=3]
+[ext_resource path="res://unit.gd" type="Script" id="1"]
+[node name="Level" type="Node"]
+[node name="Unit" type="Node" parent="."]
+script = ExtResource("1")
+[node name="Boss" type="Node" parent="."]
+script = ExtResource("1")
+""",
+    "godot3": """\
+[gd_scene format=2]
+[ext_resource path="res://unit.gd" type="Script" id=1]
+[node name="Level" type="Node"]
+[node name="Unit" type="Node" parent="."]
+script = ExtResource( 1 )
+[node name="Boss" type="Node" parent="."]
+script = ExtResource( 1 )
+""",
+}
+
+
+@pytest.fixture(params=UNITS_SCENE)
+def units(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    files = {"unit.gd": UNIT, "level.tscn": UNITS_SCENE[request.param]}
+    return write_project(tmp_path / "units", files, main="level", kind=request.param)
+
+
+def test_a_newcomer_goes_on_as_it_is_in_a_slot_freed_in_the_same_step(units: Path) -> None:
+    with open_pool(units, PoolConfig(num_worlds=2)) as pool:
+        pool.reset(1, [{"join_at": 3}, {"join_at": 4}])
+        for number in (1, 2, 3, 4):
+            batch = pool.step(idle(pool))["agent"]
+            assert batch.active.tolist() == [True, True, number != 3, True]
+            assert batch.terminated.tolist() == [number == 3, False] * 2
+    assert batch.observation["observation"][:, 0].tolist() == [0, 1, 0, 1], "calls of reset()"

@@ -265,8 +265,11 @@ func _rebuild_all() -> void:
 	_fresh_worlds = _stage.worlds.duplicate()
 
 
-## An agent's own next episode, or the next episode of its world once all have ended.
+## An agent's own next episode, or the next episode of its world once all have ended. A newcomer
+## that has taken the slot in the same step goes on as it is, like any other newcomer.
 func _continue_after(policy: LudusPolicyBatch, slot: int, ended: Array) -> void:
+	if policy.active[slot] == 1:
+		return
 	var agent: LudusAgent = policy.agents[slot]
 	if agent != null and _is_per_agent and not agent.is_leaving():
 		var world := agent.world
