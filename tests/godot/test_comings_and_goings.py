@@ -165,3 +165,15 @@ def test_a_newcomer_goes_on_as_it_is_in_a_slot_freed_in_the_same_step(units: Pat
             assert batch.active.tolist() == [True, True, number != 3, True]
             assert batch.terminated.tolist() == [number == 3, False] * 2
     assert batch.observation["observation"][:, 0].tolist() == [0, 1, 0, 1], "calls of reset()"
+
+
+def test_a_newcomer_without_a_slot_gets_the_next_free_one(units: Path, tmp_path: Path) -> None:
+    with open_pool(units, PoolConfig(num_worlds=2, log_dir=tmp_path)) as pool:
+        pool.reset(1, [{"join_at": 1}, {}])
+        for number in (1, 2, 3, 4):
+            batch = pool.step(idle(pool))["agent"]
+            assert batch.active.tolist() == [True, True, number < 3, True]
+            assert batch.terminated.tolist() == [number == 3, False] * 2
+    assert batch.observation["observation"][:, 0].tolist() == [0, 1, 0, 1], "calls of reset()"
+    logs = "".join(file.read_text() for file in tmp_path.glob("*.log"))
+    assert logs.count("no free slot for agent Late of policy agent") == 1

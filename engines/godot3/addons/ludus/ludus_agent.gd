@@ -83,14 +83,14 @@ func _enter_tree() -> void:
 	note_change()
 	var own_world := LudusWorld.find_above(self)
 	if own_world != null:
-		own_world.newcomers.append(self)
+		own_world.newcomers[self] = true
 		LudusWorld.announce(LudusWorld.NEWCOMERS)
 
 
 func _exit_tree() -> void:
 	var own_world := LudusWorld.find_above(self)
 	if own_world != null:
-		own_world.newcomers.erase(self)
+		var _was_there := own_world.newcomers.erase(self)
 	LudusWorld.announce(LudusWorld.LEAVERS)
 	note_change()
 

@@ -351,22 +351,47 @@ func _drop_leavers() -> void:
 			policy.drop_leavers()
 
 
+## Gives newcomers a slot. Those that find none wait for one that becomes free.
 func _admit_newcomers() -> void:
 	for i in _stage.worlds.size():
-		for agent in _stage.worlds[i].newcomers:
-			if is_instance_valid(agent) and agent.enabled:
+		var newcomers: Dictionary = _stage.worlds[i].newcomers
+		for agent in newcomers.keys():
+			if not is_instance_valid(agent) or not agent.enabled or _has_slot(agent):
+				var _was_there := newcomers.erase(agent)
+			else:
 				_admit(agent, i)
-		_stage.worlds[i].newcomers.clear()
+		if not newcomers.empty():
+			LudusWorld.announce(LudusWorld.NEWCOMERS)
+
+
+func _has_slot(agent: LudusAgent) -> bool:
+	for policy in policies:
+		if policy.agents.has(agent):
+			return true
+	return false
 
 
 func _admit(agent: LudusAgent, i: int) -> void:
-	var problem := agent.connect_to_game()
+	var newcomers: Dictionary = _stage.worlds[i].newcomers
+	var is_first_try: bool = newcomers[agent]
+	var problem := agent.connect_to_game() if is_first_try else ""
 	if not problem.empty():
 		error = "agent %s: %s" % [agent.path_in_world(), problem]
-		return
+	if not problem.empty() or _take_slot(agent, i):
+		var _was_there := newcomers.erase(agent)
+	elif is_first_try:
+		newcomers[agent] = false
+		push_warning(
+			(
+				"ludus: no free slot for agent %s of policy %s; raise LudusWorld.spare_slots"
+				% [agent.path_in_world(), agent.policy_name]
+			)
+		)
+
+
+## Returns false if no slot of world [param i] is free.
+func _take_slot(agent: LudusAgent, i: int) -> bool:
 	for policy in policies:
-		if policy.agents.has(agent):
-			return
 		if policy.policy_name != agent.policy_name:
 			continue
 		var num_slots: int = _slots_per_world[policy.policy_name]
@@ -374,13 +399,8 @@ func _admit(agent: LudusAgent, i: int) -> void:
 			if policy.agents[slot] == null and policy.active[slot] == 0:
 				policy.set_agent(slot, agent)
 				policy.activate(slot)
-				return
-	push_warning(
-		(
-			"ludus: no free slot for agent %s of policy %s; raise LudusWorld.spare_slots"
-			% [agent.path_in_world(), agent.policy_name]
-		)
-	)
+				return true
+	return false
 
 
 func _gather_errors() -> void:

@@ -44,8 +44,8 @@ export var spare_slots: Dictionary = {}
 
 ## The world's random stream. Use nothing else for randomness in the game.
 var rng := RandomNumberGenerator.new()
-## Agents that entered the scene and have no slot yet.
-var newcomers: Array = []
+## Agents that entered the scene and have no slot yet; false for those that found none and wait.
+var newcomers: Dictionary = {}
 ## What the trainer chose for this world, by name; survives from episode to episode.
 var parameters: Dictionary = {}
 ## Index of this world among all worlds of all engines.

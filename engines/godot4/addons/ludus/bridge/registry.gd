@@ -17,7 +17,7 @@ static var watched_ticks: int = 0
 static var debug_view: LudusDebugView
 ## Agents in the tree, in the order in which they came.
 static var agents: Dictionary[LudusAgent, bool] = {}
-## Those of them that no batch has taken yet.
+## Those of them that no batch has taken yet; false for those that found no free slot and wait.
 static var newcomers: Dictionary[LudusAgent, bool] = {}
 ## Goes up whenever an agent comes, goes, or is to be played by something else.
 static var num_changes: int = 0
@@ -40,11 +40,3 @@ static func remove(agent: LudusAgent) -> void:
 	agents.erase(agent)
 	newcomers.erase(agent)
 	num_changes += 1
-
-
-## Returns the agents that no batch has taken, and forgets that they are new.
-static func take_newcomers() -> Array[LudusAgent]:
-	var taken: Array[LudusAgent] = []
-	taken.assign(newcomers.keys())
-	newcomers.clear()
-	return taken

@@ -374,18 +374,37 @@ func _drop_leavers() -> void:
 		policy.drop_leavers()
 
 
+## Gives newcomers a slot. Those that find none wait for one that becomes free.
 func _admit_newcomers() -> void:
-	for agent: LudusAgent in LudusRegistry.take_newcomers():
+	for agent: LudusAgent in LudusRegistry.newcomers.keys():
 		var i := _stage.find(LudusWorld.find_above(agent))
-		if i >= 0 and agent.enabled and not agent.is_in_batch():
+		if i < 0 or not agent.enabled or agent.is_in_batch():
+			LudusRegistry.newcomers.erase(agent)
+		else:
 			_admit(agent, i)
 
 
 func _admit(agent: LudusAgent, i: int) -> void:
-	var problem := agent.connect_to_game()
+	var is_first_try := LudusRegistry.newcomers[agent]
+	# To connect reads the game's script: too slow for every step in which an agent waits.
+	var problem := agent.connect_to_game() if is_first_try else ""
 	if not problem.is_empty():
+		LudusRegistry.newcomers.erase(agent)
 		error = "agent %s: %s" % [agent.path_in_world(), problem]
 		return
+	if _take_slot(agent, i) or not is_first_try:
+		return
+	LudusRegistry.newcomers[agent] = false
+	push_warning(
+		(
+			"ludus: no free slot for agent %s of policy %s; raise LudusWorld.spare_slots"
+			% [agent.path_in_world(), agent.policy_name]
+		)
+	)
+
+
+## Returns false if no slot of world [param i] is free.
+func _take_slot(agent: LudusAgent, i: int) -> bool:
 	for policy: LudusPolicyBatch in policies:
 		if policy.policy_name != agent.policy_name:
 			continue
@@ -394,13 +413,8 @@ func _admit(agent: LudusAgent, i: int) -> void:
 			if policy.agents[slot] == null and policy.active[slot] == 0:
 				policy.set_agent(slot, agent)
 				policy.activate(slot)
-				return
-	push_warning(
-		(
-			"ludus: no free slot for agent %s of policy %s; raise LudusWorld.spare_slots"
-			% [agent.path_in_world(), agent.policy_name]
-		)
-	)
+				return true
+	return false
 
 
 func _gather_errors() -> void:
