@@ -108,7 +108,7 @@ var steps := 0
 var resets := 0
 func _init() -> void:
 	action = [LudusActionComponent.discrete("push", 3)]
-	action_timing = ActionTiming.ONCE
+	ticks_per_step = 1
 func apply_action(_action: int) -> void:
 	steps += 1
 	if name != "Boss":
@@ -128,6 +128,8 @@ func is_done() -> bool:
 func reset() -> void:
 	resets += 1
 	steps = 0
+func ludus_steps() -> int:
+	return steps
 """
 UNITS_SCENE = {
     "godot4": """\
@@ -177,3 +179,13 @@ def test_a_newcomer_without_a_slot_gets_the_next_free_one(units: Path, tmp_path:
     assert batch.observation["observation"][:, 0].tolist() == [0, 1, 0, 1], "calls of reset()"
     logs = "".join(file.read_text() for file in tmp_path.glob("*.log"))
     assert logs.count("no free slot for agent Late of policy agent") == 1
+
+
+def test_random_play_inside_the_engine_goes_on_when_an_agent_leaves(
+    units: Path, tmp_path: Path
+) -> None:
+    """What ``ludus bench`` calls the ceiling."""
+    with open_pool(units, PoolConfig(log_dir=tmp_path)) as pool:
+        pool.call({"bridge": True}, "run_ceiling", [10, 1])
+        assert pool.call({"world": 0, "agent": "Boss"}, "ludus_steps") == [10]
+    assert "SCRIPT ERROR" not in (tmp_path / "engine-0.log").read_text()

@@ -31,8 +31,7 @@ func advance() -> bool:
 	elif _steps_left == 0:
 		_elapsed_us = OS.get_ticks_usec() - _began_us
 		return true
-	for policy in _game.policies:
-		policy.play_randomly(_rng)
+	_game.play_randomly(_rng)
 	_steps_left -= 1
 	_ticks_left = _game.ticks_per_step
 	return false

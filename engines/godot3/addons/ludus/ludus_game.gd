@@ -109,6 +109,13 @@ func repeat_actions() -> void:
 		policy.repeat_actions()
 
 
+## Plays one step with random actions, see [method LudusPolicyBatch.play_randomly].
+func play_randomly(rng: RandomNumberGenerator) -> void:
+	_drop_leavers()
+	for policy in policies:
+		policy.play_randomly(rng)
+
+
 ## Takes in what the last step brought and begins the next episode where one ended.
 func collect() -> void:
 	_drop_leavers()

@@ -2,7 +2,6 @@ extends RefCounted
 ## Plays with random actions inside the engine, to show how fast the game could be without a bridge.
 
 const LudusGame := preload("res://addons/ludus/world/game.gd")
-const LudusPolicyBatch := preload("res://addons/ludus/agent/policy_batch.gd")
 const LudusWire := preload("res://addons/ludus/bridge/wire.gd")
 
 var _game: LudusGame
@@ -34,8 +33,7 @@ func advance() -> bool:
 	elif _steps_left == 0:
 		_elapsed_us = Time.get_ticks_usec() - _began_us
 		return true
-	for policy: LudusPolicyBatch in _game.policies:
-		policy.play_randomly(_rng)
+	_game.play_randomly(_rng)
 	_steps_left -= 1
 	_ticks_left = _game.ticks_per_step
 	return false
