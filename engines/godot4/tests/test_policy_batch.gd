@@ -205,6 +205,14 @@ func test_random_play_acts_within_limits_and_alike_in_all_ticks_of_a_step() -> v
 	check(agents[0].applied != agents[1].applied, "agents draw for themselves")
 
 
+func test_random_play_begins_anew_after_an_end_or_a_cut() -> void:
+	var agents := _agents(3)
+	agents[0].is_over = true
+	agents[1].is_cut = true
+	_batch(agents).play_randomly(RandomNumberGenerator.new())
+	equal(agents.map(func(a: StubAgent) -> int: return a.num_resets), [1, 1, 0], "episodes")
+
+
 func _agents(count: int) -> Array[StubAgent]:
 	var agents: Array[StubAgent] = []
 	for i: int in count:

@@ -167,6 +167,27 @@ func test_batches_ask_simulations_as_they_ask_nodes() -> void:
 		equal(frames[1], frames[0], "frames of an agent that is done: %s" % is_done)
 
 
+func test_random_play_begins_anew_after_a_cut() -> void:
+	var script := GDScript.new()
+	script.source_code = """
+extends "res://tests/stub_simulation.gd"
+func is_truncated(_agent: int) -> bool: return true
+"""
+	script.reload()
+	var host := LudusSimulationHost.new()
+	host.simulation_script = script
+	host.episode_mode = LudusWorld.Episode.AGENT
+	add(host)
+	_begin(host)
+	host._physics_process(0.1)
+	_stub(host).log.clear()
+	var agent := host.get_node("target0") as LudusAgent
+	agent.connect_to_game()
+	var batch := LudusSimulationBatch.new("target", [agent], PackedInt32Array([0]), 0)
+	batch.play_randomly(RandomNumberGenerator.new())
+	equal(_stub(host).log.count("begin 1"), 1, "episodes")
+
+
 func test_a_lost_host_is_noticed() -> void:
 	var host := _host()
 	_begin(host)

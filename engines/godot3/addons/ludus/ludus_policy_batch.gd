@@ -312,6 +312,7 @@ func final_to_bytes() -> PoolByteArray:
 ## that the game itself does, nothing of the bridge.
 func play_randomly(rng: RandomNumberGenerator) -> void:
 	var limit := layout.max_steps if layout.max_steps > 0 else NO_LIMIT
+	var has_truncation := layout.has_truncation
 	for slot in _targets.size():
 		var target = _targets[slot]
 		active[slot] = int(target != _lost)
@@ -319,7 +320,7 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 			continue
 		var steps := _steps[slot] + 1
 		target.get_reward()
-		if target.is_done() or steps >= limit:
+		if target.is_done() or steps >= limit or (has_truncation and target.is_truncated()):
 			steps = 0
 			agents[slot].world.begin_episode()
 			target.reset()

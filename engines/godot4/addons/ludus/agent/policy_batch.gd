@@ -298,6 +298,7 @@ func append_final_to(frame: PackedByteArray) -> void:
 ## that the game itself does, nothing of the bridge.
 func play_randomly(rng: RandomNumberGenerator) -> void:
 	var limit := layout.max_steps if layout.max_steps > 0 else 1 << 62
+	var has_truncation := layout.has_truncation
 	_num_steps += 1
 	for slot: int in _targets.size():
 		var target := _targets[slot]
@@ -305,7 +306,8 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 		if target == _departed:
 			continue
 		target.get_reward()
-		if target.is_done() or _num_steps - _begun_at[slot] >= limit:
+		var is_over: bool = target.is_done() or _num_steps - _begun_at[slot] >= limit
+		if is_over or (has_truncation and _is_cut(slot)):
 			_begun_at[slot] = _num_steps
 			agents[slot].world.begin_episode()
 			target.reset()

@@ -49,6 +49,7 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 		super(rng)
 		return
 	var limit := layout.max_steps if layout.max_steps > 0 else 1 << 62
+	var has_truncation := layout.has_truncation
 	_num_steps += 1
 	for slot: int in _simulations.size():
 		if _seats[slot].is_idle:
@@ -57,7 +58,8 @@ func play_randomly(rng: RandomNumberGenerator) -> void:
 		var simulation := _simulations[slot]
 		var index := _indices[slot]
 		simulation.get_reward(index)
-		if simulation.is_done(index) or _num_steps - _begun_at[slot] >= limit:
+		var is_over := simulation.is_done(index) or _num_steps - _begun_at[slot] >= limit
+		if is_over or (has_truncation and simulation.is_truncated(index)):
 			_begun_at[slot] = _num_steps
 			simulation.world.begin_episode()
 			_seats[slot].reset()
