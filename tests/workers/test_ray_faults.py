@@ -187,7 +187,8 @@ def test_a_head_that_is_gone_ends_the_run_with_one_error(cluster: Any, tmp_path:
     ray.shutdown()  # this process need not die with the head
     cluster.remove_node(cluster.head_node, allow_graceful=False)
     told, _ = asking.communicate(timeout=90.0)
-    assert told == f"the head of the Ray cluster, {address}, is gone\n"
+    # Ray may print what its own processes said, too.
+    assert f"the head of the Ray cluster, {address}, is gone" in told.splitlines()
     assert trainer.wait(timeout=90.0) == RunError.exit_code
     said = (tmp_path / "output.txt").read_text()
     assert said.count("error:") == 1
