@@ -71,6 +71,16 @@ def batch(random: np.random.Generator, **changes: Any) -> Batch:
     return replace(result, **changes)
 
 
+def learn_once(ppo: PPO, seed: int, progress: float) -> None:
+    """Learn from one random rollout."""
+    random = np.random.default_rng(seed)
+    ppo.begin(0, batch(random))
+    for _ in range(4):
+        ppo.act(0)
+        ppo.record(0, batch(random))
+    ppo.update(progress)
+
+
 def test_act_and_record_fill_a_rollout_that_the_update_learns_from() -> None:
     ppo, random = learner(), np.random.default_rng(0)
     before = [parameter.clone() for parameter in ppo.policy.parameters()]
@@ -210,12 +220,7 @@ def test_settings_may_change_between_updates(change: dict[str, Any], curiosity: 
     changed, made_so = learner(config), learner(replace(config, **change))
     changed.config = made_so.config
     for ppo in (changed, made_so):
-        random = np.random.default_rng(0)
-        ppo.begin(0, batch(random))
-        for _ in range(4):
-            ppo.act(0)
-            ppo.record(0, batch(random))
-        ppo.update(0.0)
+        learn_once(ppo, 0, 0.0)
     one, other = changed.state().tensors, made_so.state().tensors
     assert all(torch.equal(one[name], other[name]) for name in one)
 
@@ -291,12 +296,7 @@ def test_a_restored_learner_continues_to_the_bit() -> None:
             ppo.record(0, batch(random))
         ppo.update(0.1)
     for ppo in (first, second):
-        random = np.random.default_rng(4)
-        ppo.begin(0, batch(random))
-        for _ in range(4):
-            ppo.act(0)
-            ppo.record(0, batch(random))
-        ppo.update(0.2)
+        learn_once(ppo, 4, 0.2)
     pairs = zip(first.state().tensors.items(), second.state().tensors.items(), strict=True)
     assert all(a == b and torch.equal(x, y) for (a, x), (b, y) in pairs)
 

@@ -60,7 +60,7 @@ func test_agents_of_a_world_wait_for_each_other() -> void:
 	equal([people[0].applied.size(), people[1].applied.size()], [1, 4], "and does nothing")
 	people[1].is_over = true
 	_play(play, 1)
-	equal([people[0].num_resets, people[1].num_resets], [2, 2], "both begin anew")
+	equal([people[0].num_resets, people[1].num_resets], [2, 2], "both start another episode")
 	equal([people[0].applied.size(), people[1].applied.size()], [2, 5], "and act")
 	equal([starts.size(), world.num_episodes], [2, 2], "episodes of the world")
 

@@ -70,7 +70,7 @@ class OtherPolicies:
     def begin(
         self, batches: Batches, seeds: Sequence[int | None], is_reset: NDArray[np.bool_]
     ) -> None:
-        """Take the batches of a reset; chance begins anew where all worlds were seeded.
+        """Take the batches of a reset; random streams restart if all worlds were seeded.
 
         Args:
             batches: What all agents see now.

@@ -147,8 +147,8 @@ def _read_choice(part: DiscreteAction, said: Any) -> int:
     """Return a choice; games may say it as a float or a bool.
 
     Raises:
-        TypeError: It is no number.
-        ValueError: It is no number, or out of range.
+        TypeError: It is not a number.
+        ValueError: It is not a number, or it is out of range.
     """
     choice = int(said)
     if not 0 <= choice < part.n:
@@ -160,8 +160,8 @@ def _read_numbers(part: ContinuousAction, said: Any) -> list[float]:
     """Return the numbers of a component; one may come without a list.
 
     Raises:
-        TypeError: They are no numbers.
-        ValueError: They are no numbers, or not as many as the component has.
+        TypeError: Something is not a number.
+        ValueError: Something is not a number, or the component has more or fewer.
     """
     parts = cast(list[Any], said) if isinstance(said, list) else [said]
     numbers = [float(number) for number in parts]

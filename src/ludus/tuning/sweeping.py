@@ -318,7 +318,7 @@ class _Runner:
         except (ConfigError, TargetError) as error:
             if AS_IS in trial.user_attrs:
                 raise
-            # What is no fault of the proposal, such as a missing engine, would fail all the others.
+            # Raises if the proposal is not to blame, as when an engine is missing: all would fail.
             _policies_of(self._layers, self._base)
             self._fail(trial, error)
         else:
